@@ -1,0 +1,159 @@
+"""Read and write body files: .npz in SMPL's form, or SMPL's own .pkl through the safe converter."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from avatargen.atomic import write_atomically
+from avatargen.body.arrays import read_npz
+from avatargen.body.model import Body
+from avatargen.body.pickle import convert_pickle
+from avatargen.errors import InputError
+
+NEEDED = ("v_template", "weights", "J_regressor", "shapedirs")
+EITHER = (("faces", "f"), ("parents", "kintree_table"))
+OPTIONAL = ("posedirs", "joint_names")
+SMPL_JOINT_NAMES = (
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "spine1",
+    "left_knee",
+    "right_knee",
+    "spine2",
+    "left_ankle",
+    "right_ankle",
+    "spine3",
+    "left_foot",
+    "right_foot",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "left_hand",
+    "right_hand",
+)
+MAX_JOINTS = 1000
+WEIGHT_SUM_TOLERANCE = 1e-3  # of a file; rows are rescaled to 1 after the check
+WEIGHT_SUM_ROUNDING = 1e-6  # rows this near to 1 are left as they are
+
+
+def load_body(path: str | Path) -> Body:
+    """Read a body from .npz or, converted in a subprocess that runs none of the file's code, from SMPL's
+    .pkl.
+
+    Raises:
+        InputError: missing, damaged, incomplete or inconsistent file.
+    """
+    path = Path(path)
+    if path.suffix == ".npz":
+        return body_from_arrays(read_npz(path, file_keys(), what="body"), path)
+    if path.suffix == ".pkl":
+        return body_from_arrays(convert_pickle(path), path)
+    raise InputError(f"body: {path} has suffix {path.suffix!r}; a body is an .npz or SMPL's .pkl")
+
+
+def save_body(body: Body, path: str | Path) -> None:
+    """Write a body as .npz, whole or not at all; `load_body` reads back the same arrays."""
+    arrays = {
+        "v_template": body.v_template,
+        "f": body.faces.astype(np.int32),
+        "weights": body.weights,
+        "kintree_table": np.stack([body.parents, np.arange(body.joint_count)]).astype(np.int32),
+        "J_regressor": body.J_regressor,
+        "shapedirs": body.shapedirs,
+        "joint_names": np.array(body.joint_names),
+    }
+    if body.posedirs is not None:
+        arrays["posedirs"] = body.posedirs
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    write_atomically(Path(path), stream.getvalue())
+
+
+def file_keys() -> tuple[str, ...]:
+    """Every key of a body file that is read."""
+    return (*NEEDED, *OPTIONAL, *(key for pair in EITHER for key in pair))
+
+
+def body_from_arrays(arrays: dict[str, np.ndarray], path: Path) -> Body:
+    """Bring a file's arrays to the types of `Body`, which then checks that they agree.
+
+    Raises:
+        InputError: a key is missing, or an array has the wrong number of axes or type.
+    """
+    missing = [key for key in NEEDED if key not in arrays]
+    missing += [" or ".join(pair) for pair in EITHER if not any(key in arrays for key in pair)]
+    if missing:
+        raise InputError(f"body: {path} lacks {', '.join(missing)}; it must be a body in SMPL's form")
+    weights = numbers(arrays, "weights", axes=2)
+    sums = weights.sum(axis=1, keepdims=True)
+    sums = np.where(np.abs(sums - 1) < WEIGHT_SUM_ROUNDING, 1.0, sums)
+    if not (np.abs(sums - 1) < WEIGHT_SUM_TOLERANCE).all():
+        raise InputError(f"body: weights of {path} do not sum to 1 per vertex; the file is damaged")
+    parents = read_parents(arrays)
+    posedirs = numbers(arrays, "posedirs", axes=3).astype(np.float32) if "posedirs" in arrays else None
+    return Body(
+        v_template=numbers(arrays, "v_template", axes=2).astype(np.float32),
+        faces=whole_numbers(arrays, "faces" if "faces" in arrays else "f", axes=2),
+        weights=(weights / sums).astype(np.float32),
+        parents=parents,
+        joint_names=read_joint_names(arrays, len(parents)),
+        J_regressor=numbers(arrays, "J_regressor", axes=2).astype(np.float32),
+        shapedirs=numbers(arrays, "shapedirs", axes=3).astype(np.float32),
+        posedirs=posedirs,
+    )
+
+
+def numbers(arrays: dict[str, np.ndarray], key: str, axes: int) -> np.ndarray:
+    """One array as float64, checked for its type and number of axes."""
+    array = arrays[key]
+    if array.dtype.kind not in "fiu" or array.ndim != axes or array.size == 0:
+        raise InputError(f"body: {key} is {array.dtype} {array.shape}; numbers with {axes} axes are needed")
+    return array.astype(np.float64)
+
+
+def whole_numbers(arrays: dict[str, np.ndarray], key: str, axes: int) -> np.ndarray:
+    """One array as int64, with SMPL's unsigned 2**32 - 1 read as -1."""
+    values = numbers(arrays, key, axes)
+    if not (np.abs(values) <= 2**32).all() or (values != np.rint(values)).any():
+        raise InputError(f"body: {key} holds values that are no indices; the file is damaged")
+    indices = values.astype(np.int64)
+    return np.where(indices == 2**32 - 1, -1, indices)
+
+
+def read_parents(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Parents from `parents` [J] or SMPL's `kintree_table` [2 J]: a row of parents, a row of joints."""
+    if "parents" in arrays:
+        parents = whole_numbers(arrays, "parents", axes=1)
+    else:
+        table = whole_numbers(arrays, "kintree_table", axes=2)
+        if len(table) != 2 or len(set(table[1].tolist())) != table.shape[1]:
+            raise InputError(
+                f"body: kintree_table has shape {table.shape}; [2, J] with each joint once is needed"
+            )
+        place = {joint: index for index, joint in enumerate(table[1].tolist())}
+        parents = np.array([place.get(parent, -1) for parent in table[0].tolist()], dtype=np.int64)
+    if len(parents) > MAX_JOINTS:
+        raise InputError(f"body: {len(parents)} joints; at most {MAX_JOINTS} are read")
+    parents[0] = -1
+    return parents
+
+
+def read_joint_names(arrays: dict[str, np.ndarray], joint_count: int) -> tuple[str, ...]:
+    """The file's joint names, or SMPL's 24 (its own files name none), or joint_00, joint_01 ..."""
+    if "joint_names" in arrays:
+        names = arrays["joint_names"]
+        if names.dtype.kind != "U" or names.ndim != 1:
+            raise InputError(f"body: joint_names are {names.dtype} {names.shape}; a list of text is needed")
+        return tuple(names.tolist())
+    if joint_count == len(SMPL_JOINT_NAMES):
+        return SMPL_JOINT_NAMES
+    return tuple(f"joint_{index:02d}" for index in range(joint_count))
