@@ -1,0 +1,117 @@
+"""Import a GLB into an empty Blender scene, pose its skeleton, read its deformed vertices.
+
+Runs only where `bpy` is installed. Transforms and points go in and out in glTF's axes (metres, y up, facing
++z); inside, Blender's z is up and the person faces -y.
+"""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+BLENDER_FROM_GLTF = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
+GLTF_FROM_BLENDER = BLENDER_FROM_GLTF.T
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What the importer made of the file."""
+
+    armature: bpy.types.Object
+    mesh: bpy.types.Object
+
+
+def import_glb(path: str) -> Imported:
+    """Empty the scene and import the file. Raises ValueError unless it gives one armature and one skin."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=path)
+    armatures = [o for o in bpy.data.objects if o.type == "ARMATURE"]
+    meshes = [
+        o for o in bpy.data.objects if o.type == "MESH" and any(m.type == "ARMATURE" for m in o.modifiers)
+    ]
+    for stray in [o for o in bpy.data.objects if o.type == "MESH" and o not in meshes]:
+        bpy.data.objects.remove(stray)  # the importer's own bone shape, an icosphere
+    if len(armatures) != 1 or len(meshes) != 1:
+        raise ValueError(
+            f"{path}: {len(armatures)} armatures and {len(meshes)} skinned meshes; one of each is wanted"
+        )
+    return Imported(armature=armatures[0], mesh=meshes[0])
+
+
+def rest_transforms(imported: Imported) -> dict[str, np.ndarray]:
+    """World <- bone in Blender's axes, at rest, by bone name, parents first."""
+    world = np.array(imported.armature.matrix_world)
+    return {bone.name: world @ np.array(bone.matrix_local) for bone in imported.armature.data.bones}
+
+
+def pose_bones(imported: Imported, T_posed_rest: dict[str, np.ndarray]) -> None:
+    """Move each bone by its posed <- rest transform, in glTF's world axes; parents are set first."""
+    from mathutils import Matrix
+
+    rest = rest_transforms(imported)
+    to_armature = np.linalg.inv(np.array(imported.armature.matrix_world))
+    for name in rest:
+        moved = BLENDER_FROM_GLTF @ T_posed_rest[name] @ GLTF_FROM_BLENDER @ rest[name]
+        imported.armature.pose.bones[name].matrix = Matrix((to_armature @ moved).tolist())
+        bpy.context.view_layer.update()
+
+
+def deformed_vertices(imported: Imported) -> np.ndarray:
+    """The evaluated mesh's vertices [W 3] in glTF's axes, in the file's order."""
+    evaluated = imported.mesh.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    flat = np.empty(3 * len(evaluated.data.vertices), dtype=np.float32)
+    evaluated.data.vertices.foreach_get("co", flat)
+    world = GLTF_FROM_BLENDER @ np.array(evaluated.matrix_world)
+    return flat.reshape(-1, 3).astype(np.float64) @ world[:3, :3].T + world[:3, 3]
+
+
+def prepare_render(size: int, samples: int) -> None:
+    """Cycles on the CPU, few samples and denoised, colours as the texture has them."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = samples
+    scene.cycles.use_denoising = True
+    scene.cycles.max_bounces = 3
+    scene.render.resolution_x = scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.threads_mode = "FIXED"
+    scene.render.threads = 2
+    scene.view_settings.view_transform = "Standard"
+    light_scene(scene)
+
+
+def light_scene(scene: bpy.types.Scene) -> None:
+    """A grey room: an even sky, a key light from the upper left, a weaker one from behind."""
+    scene.world = bpy.data.worlds.new("grey")
+    scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.42, 0.42, 0.42, 1)
+    for name, angles, strength in (("key", (0.85, 0.1, 0.6), 2.2), ("back", (0.9, 0.0, 3.6), 1.2)):
+        light = bpy.data.lights.new(name, "SUN")
+        light.energy, light.angle = strength, 0.3
+        lamp = bpy.data.objects.new(name, light)
+        lamp.rotation_euler = angles
+        scene.collection.objects.link(lamp)
+
+
+def look_at(centre: np.ndarray, height: float, degrees: float) -> None:
+    """Aim the camera so that `height` metres about `centre` (glTF's axes) fill the picture; 0: front."""
+    from mathutils import Vector
+
+    scene = bpy.context.scene
+    if scene.camera is None:
+        scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+        scene.collection.objects.link(scene.camera)
+    scene.camera.data.lens = 85
+    distance = height * 85 / scene.camera.data.sensor_width
+    angle = np.radians(degrees)
+    place = centre + distance * np.array([np.sin(angle), 0.08, np.cos(angle)])
+    target, eye = ((BLENDER_FROM_GLTF[:3, :3] @ point).tolist() for point in (centre, place))
+    scene.camera.location = eye
+    scene.camera.rotation_euler = (Vector(target) - Vector(eye)).to_track_quat("-Z", "Y").to_euler()
+
+
+def render(path: str) -> None:
+    bpy.context.scene.render.filepath = path
+    bpy.ops.render.render(write_still=True)
