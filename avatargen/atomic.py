@@ -8,6 +8,8 @@ target sweeps away: a living writer holds a lock on its part file, a dead one ca
 import fcntl
 import os
 import tempfile
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from avatargen.errors import InputError
@@ -23,25 +25,46 @@ def write_atomically(path: str | Path, data: bytes) -> None:
     Raises:
         InputError: the folder is missing, is no folder, is not writable, or the disk is full.
     """
-    target = resolve_target(path)
+    write_together([(path, data)])
+
+
+def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
+    """Write several files as `write_atomically` does: none takes its name before all are safe on disk.
+
+    Raises:
+        InputError: one of them cannot be written, and then none is; or two are the same file.
+    """
+    targets = [resolve_target(path) for path, _ in files]
+    if len(set(targets)) < len(targets):
+        raise InputError(f"cannot write {', '.join(str(path) for path, _ in files)}: two are the same file")
+    with ExitStack() as parts:
+        staged = [
+            stage(path, target, data, parts) for (path, data), target in zip(files, targets, strict=True)
+        ]
+        for (path, _), target, part in zip(files, targets, staged, strict=True):
+            try:
+                os.replace(part, target)
+                flush_folder(target.parent)
+            except OSError as error:
+                raise unwritable(path, error) from error
+
+
+def stage(path: str | Path, target: Path, data: bytes, parts: ExitStack) -> Path:
+    """Put the data in a part file beside the target, on the disk; `parts` removes it if it is still there."""
     sweep_leftovers(target)
-    part = None
     try:
-        handle, part = tempfile.mkstemp(prefix=part_prefix(target), suffix=PART_SUFFIX, dir=target.parent)
+        handle, name = tempfile.mkstemp(prefix=part_prefix(target), suffix=PART_SUFFIX, dir=target.parent)
+        part = Path(name)
+        parts.callback(part.unlink, missing_ok=True)
         with os.fdopen(handle, "wb") as stream:
             fcntl.flock(stream, fcntl.LOCK_EX)
             stream.write(data)
             stream.flush()
             os.fchmod(stream.fileno(), target_mode(target))
             os.fsync(stream.fileno())
-        os.replace(part, target)
-        part = None
-        flush_folder(target.parent)
     except OSError as error:
         raise unwritable(path, error) from error
-    finally:
-        if part is not None:
-            Path(part).unlink(missing_ok=True)
+    return part
 
 
 def check_writable(path: str | Path) -> None:

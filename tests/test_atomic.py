@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from avatargen.atomic import check_writable, part_prefix, write_atomically
+from avatargen.atomic import check_writable, part_prefix, write_atomically, write_together
 from avatargen.errors import InputError
 
 OLD, NEW = b"old bytes", b"new bytes, more of them"
@@ -86,6 +86,21 @@ def test_read_only_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="Permission denied"):
         check_writable(tmp_path / "a.glb")
     tmp_path.chmod(0o700)
+
+
+def test_together_or_not_at_all(tmp_path: Path, small_files_only: None) -> None:
+    first, second = tmp_path / "a.json", tmp_path / "a.glb"
+    write_together([(first, OLD), (second, OLD)])
+
+    with pytest.raises(InputError, match=r"cannot write .*a\.glb: File too large"):
+        write_together([(first, NEW), (second, bytes(5000))])
+    with pytest.raises(InputError, match="two are the same file"):
+        write_together([(first, NEW), (tmp_path / "x" / ".." / "a.json", NEW)])
+
+    assert (first.read_bytes(), second.read_bytes()) == (OLD, OLD)
+    write_together([(first, NEW), (second, NEW)])
+    assert (first.read_bytes(), second.read_bytes()) == (NEW, NEW)
+    assert names(tmp_path) == ["a.glb", "a.json"]
 
 
 def test_umask_and_existing_mode_are_kept(tmp_path: Path) -> None:
