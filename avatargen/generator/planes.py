@@ -1,0 +1,129 @@
+"""Sample the three planes at points (section 3.2).
+
+Letters: B people, N points, C channels, R resolution. Plane 0 spans (x, y), plane 1 (y, z), plane 2 (x, z):
+its first axis runs along columns, its second along rows. Texel i of an axis has its centre at (i + 0.5) / R
+of the box (align_corners=False); beyond the outermost centres the border repeats. The three samples are
+summed.
+"""
+
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from avatargen.generator.config import PlanesConfig
+
+COLUMN_AXES = [0, 1, 0]
+ROW_AXES = [1, 2, 2]
+
+
+class PlaneFrame(nn.Module):
+    """Canonical points in metres to texel coordinates in 0..1, through the box and the optional warp."""
+
+    low: Tensor
+    size: Tensor
+    knots: Tensor
+    slopes: Tensor
+
+    def __init__(self, config: PlanesConfig) -> None:
+        super().__init__()
+        low, high = torch.tensor(config.low), torch.tensor(config.high)
+        self.register_buffer("low", low, persistent=False)
+        self.register_buffer("size", high - low, persistent=False)
+        warp = config.warp or (((0.0, 0.0), (1.0, 1.0)),) * 3
+        table = torch.tensor(warp)  # 3 K 2
+        slope = table[:, 1:, 1] - table[:, :-1, 1]
+        slope = slope / (table[:, 1:, 0] - table[:, :-1, 0])  # 3 K-1
+        change = torch.diff(slope, dim=1, prepend=torch.zeros(3, 1))
+        self.register_buffer("knots", table[:, :-1, 0].T.contiguous(), persistent=False)  # K-1 3
+        self.register_buffer("slopes", change.T.contiguous(), persistent=False)
+
+    def forward(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+        """Texel coordinates in 0..1; points outside the box land on its border."""
+        place = ((points - self.low) / self.size).clamp(0, 1)
+        warped = place * self.slopes[0]
+        for knot, change in zip(self.knots[1:], self.slopes[1:], strict=True):
+            warped = torch.addcmul(warped, (place - knot).clamp_min(0), change)
+        return warped
+
+    def centered(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+        """Points scaled so that the box is -1..1 on each axis; not warped, not clamped."""
+        return (points - self.low) / self.size * 2 - 1
+
+
+def sample_planes(
+    planes: Float[Tensor, "B 3 C R R"],
+    coordinates: Float[Tensor, "B N 3"],
+    method: Literal["fast", "differentiable"] = "fast",
+) -> Float[Tensor, "B N C"]:
+    """Sum of the three planes' bilinear samples at texel coordinates in 0..1.
+
+    `fast` is torch's grid_sample, once differentiable; `differentiable` gathers and weighs the four texels in
+    operations that torch can differentiate any number of times, which a penalty on the gradient of the field
+    needs. Both agree to rounding.
+    """
+    if method == "differentiable":
+        return gather_bilinear(planes, coordinates)
+    grid = torch.stack([coordinates[..., COLUMN_AXES], coordinates[..., ROW_AXES]], dim=-1) * 2 - 1  # B N 3 2
+    B, _, C, R, _ = planes.shape
+    sampled = F.grid_sample(
+        planes.reshape(B * 3, C, R, R),
+        grid.transpose(1, 2).reshape(B * 3, 1, -1, 2),
+        padding_mode="border",
+        align_corners=False,
+    )
+    return sampled.reshape(B, 3, C, -1).sum(dim=1).transpose(1, 2)
+
+
+def texels(
+    coordinates: Float[Tensor, "*batch 3"], resolution: int
+) -> tuple[Float[Tensor, "*batch 3"], Float[Tensor, "*batch 3"]]:
+    """Lower texel of each axis (whole numbers, as floats) and the fraction toward the next one."""
+    place = (coordinates * resolution - 0.5).clamp(0, resolution - 1)
+    lower = place.detach().floor().clamp_max(resolution - 2)
+    return lower, place - lower
+
+
+def corner_weights(fraction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 12"]:
+    """Bilinear weights of the four texels of each plane: (0, 0), (0, +1 column), (+1 row, 0), (+1, +1)."""
+    sides = torch.stack([1 - fraction, fraction], dim=-1)  # ... 3 2
+    return (sides[..., ROW_AXES, :, None] * sides[..., COLUMN_AXES, None, :]).flatten(-3)
+
+
+def corner_indices(lower: Float[Tensor, "*batch 3"], resolution: int) -> Tensor:
+    """[*batch 12] rows of each plane's four texels in a table [3 R R, C], ordered as `corner_weights`."""
+    R = resolution
+    stride = lower.new_tensor([[1, 0, 1], [R, 1, 0], [0, R, R]])
+    base = lower @ stride + lower.new_tensor([0, R * R, 2 * R * R])  # exact in float32 below 2^24 texels
+    offsets = torch.tensor([0, 1, R, R + 1], device=lower.device)
+    return (base.long()[..., None] + offsets).flatten(-2)
+
+
+def plane_table(planes: Float[Tensor, "B 3 C R R"]) -> Float[Tensor, "B T C"]:
+    """The planes' texels as rows: T = 3 R R."""
+    return planes.permute(0, 1, 3, 4, 2).flatten(1, 3)
+
+
+def gather_bilinear(
+    planes: Float[Tensor, "B 3 C R R"], coordinates: Float[Tensor, "B N 3"]
+) -> Float[Tensor, "B N C"]:
+    """Bilinear samples by indexing: differentiable twice and more in the planes and the coordinates."""
+    B, _, _, R, _ = planes.shape
+    lower, fraction = texels(coordinates, R)
+    index = corner_indices(lower, R)  # B N 12
+    index = index + torch.arange(B, device=index.device)[:, None, None] * (3 * R * R)
+    rows = (
+        plane_table(planes).flatten(0, 1).index_select(0, index.flatten()).unflatten(0, index.shape)
+    )  # B N 12 C
+    return (corner_weights(fraction)[..., None] * rows).sum(dim=2)
+
+
+def lookup_bilinear(table: Float[Tensor, "T C"], coordinates: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
+    """The same for one person's cached table without gradients: the fastest on a CPU."""
+    R = round((len(table) / 3) ** 0.5)
+    lower, fraction = texels(coordinates, R)
+    return F.embedding_bag(
+        corner_indices(lower, R), table, per_sample_weights=corner_weights(fraction), mode="sum"
+    )
