@@ -1,0 +1,149 @@
+"""Field decoder (section 3.2): features at a canonical point to signed distance, colour and picture features.
+
+Signed distance = body distance + residual. The residual's last row starts at zero: untrained, it is the body.
+
+Letters: B people, N points, C plane channels, D size of w, V body vertices, K features. Metres; negative
+inside.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from avatargen.body.distance import BodyHit
+from avatargen.errors import InputError
+from avatargen.generator.config import DecoderConfig
+from avatargen.generator.layers import EqualLinear, leaky_relu
+
+PLANE_GAIN = 1 / 3  # of the sum of three planes: brings it near unit size
+COLOR_MARGIN = 0.001  # lets the sigmoid reach 0 and 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyPoints:
+    """The body at the field's points: signed distance, and the closest point as three weighted vertices."""
+
+    distance: Float[Tensor, "B N"]
+    vertices: Int[Tensor, "B N 3"]
+    barycentric: Float[Tensor, "B N 3"]
+
+
+def body_points(hit: BodyHit, faces: Int[Tensor, "F 3"]) -> BodyPoints:
+    """A query of the body as the field takes it, for one person."""
+    return BodyPoints(
+        distance=torch.from_numpy(hit.distance)[None].to(faces.device),
+        vertices=faces[torch.from_numpy(hit.face).to(faces.device)][None],
+        barycentric=torch.from_numpy(hit.barycentric)[None].to(faces.device),
+    )
+
+
+class ModulatedLinear(nn.Module):
+    """Linear layer whose inputs are scaled and outputs shifted per person; the batch runs as one matrix
+    product each.
+
+    The modulation starts as identity.
+    """
+
+    def __init__(self, inputs: int, outputs: int, w_size: int, *, modulated: bool) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.randn(inputs, outputs))
+        self.bias = nn.Parameter(torch.zeros(outputs))
+        self.gain = 1 / math.sqrt(inputs)
+        self.modulated = modulated
+        if modulated:
+            self.scale = EqualLinear(w_size, inputs, bias=1.0, zero=True)
+            self.shift = EqualLinear(w_size, outputs, zero=True)
+
+    def forward(self, x: Float[Tensor, "B N i"], w: Float[Tensor, "B D"]) -> Float[Tensor, "B N o"]:
+        weight, bias = self.weight * self.gain, self.bias
+        if not self.modulated:
+            return x @ weight + bias
+        return torch.baddbmm((bias + self.shift(w))[:, None], x, weight * self.scale(w)[:, :, None])
+
+
+class Decoder(nn.Module):
+    """The field's network.
+
+    Raises:
+        InputError: vertex features are asked for but there are no vertices.
+    """
+
+    def __init__(self, config: DecoderConfig, *, plane_channels: int, w_size: int, vertex_count: int) -> None:
+        super().__init__()
+        if config.vertex_features and not vertex_count:
+            raise InputError(
+                "generator config: vertex features need a body; fit the preset by for_body(config, body)"
+            )
+        self.config = config
+        inputs = plane_channels + len(DISTANCE_SCALES) + 1 + config.vertex_features
+        inputs += 3 * (1 + 2 * config.frequencies) if config.frequencies else 0
+        sizes = [inputs, *[config.width] * config.depth]
+        self.layers = nn.ModuleList(
+            ModulatedLinear(i, o, w_size, modulated=config.modulated) for i, o in itertools.pairwise(sizes)
+        )
+        if config.vertex_features:
+            self.vertex_features = nn.Parameter(torch.randn(vertex_count, config.vertex_features) * 0.1)
+        self.residual = EqualLinear(config.width, 1, zero=True)
+        self.features = EqualLinear(config.width, config.features)
+
+    def hidden(
+        self,
+        plane_features: Float[Tensor, "B N C"],
+        w: Float[Tensor, "B D"],
+        centered: Float[Tensor, "B N 3"],
+        body: BodyPoints,
+    ) -> Float[Tensor, "B N width"]:
+        """What both heads read. `centered` are the points scaled so that the box is -1..1."""
+        inputs = [plane_features * PLANE_GAIN, distance_features(body.distance)]
+        if self.config.vertex_features:
+            inputs.append(interpolate(self.vertex_features, body))
+        if self.config.frequencies:
+            inputs.append(encode(centered, self.config.frequencies))
+        x = torch.cat(inputs, dim=-1)
+        for layer in self.layers:
+            x = layer(x, w)
+            x = leaky_relu(x) if self.config.activation == "leaky_relu" else F.softplus(x)
+        return x
+
+    def signed_distance(self, hidden: Float[Tensor, "B N width"], body: BodyPoints) -> Float[Tensor, "B N"]:
+        """Body distance plus the residual, in metres; the residual never passes `residual_limit`."""
+        limit = self.config.residual_limit
+        raw = self.residual(hidden)[..., 0] * (self.config.residual_scale / limit)
+        return body.distance + limit * torch.tanh(raw)
+
+    def picture_features(
+        self, hidden: Float[Tensor, "B N width"]
+    ) -> tuple[Float[Tensor, "B N 3"], Float[Tensor, "B N K"]]:
+        """Colour (sRGB, 0..1 within `COLOR_MARGIN`), and the features that begin with it."""
+        raw = self.features(hidden)
+        color = torch.sigmoid(raw[..., :3]) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
+        return color, torch.cat([color, raw[..., 3:]], dim=-1)
+
+
+DISTANCE_SCALES = (0.02, 0.1)  # metres; the body distance also enters as tanh(d / scale)
+
+
+def distance_features(distance: Float[Tensor, "B N"]) -> Float[Tensor, "B N 3"]:
+    """The body distance at three ranges: 10 d, tanh(d / 2 cm), tanh(d / 10 cm)."""
+    soft = [torch.tanh(distance / scale) for scale in DISTANCE_SCALES]
+    return torch.stack([distance * 10, *soft], dim=-1)
+
+
+def interpolate(table: Float[Tensor, "V K"], body: BodyPoints) -> Float[Tensor, "B N K"]:
+    """Features of the body's vertices at the closest body points."""
+    index = body.vertices.flatten(0, 1)
+    weights = body.barycentric.flatten(0, 1).to(table.dtype)
+    mixed = F.embedding_bag(index, table, per_sample_weights=weights, mode="sum")
+    return mixed.unflatten(0, body.distance.shape)
+
+
+def encode(centered: Float[Tensor, "B N 3"], frequencies: int) -> Float[Tensor, "B N code"]:
+    """The point, and its sines and cosines at pi, 2 pi, 4 pi ..."""
+    scales = torch.pi * 2.0 ** torch.arange(frequencies, device=centered.device)
+    angles = (centered[..., None, :] * scales[:, None]).flatten(-2)
+    return torch.cat([centered, torch.sin(angles), torch.cos(angles)], dim=-1)
