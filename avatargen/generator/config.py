@@ -22,7 +22,7 @@ Knots = tuple[tuple[float, float], ...]
 class MappingConfig:
     """Mapping network (section 3.2): z and the camera to w."""
 
-    z_size: int = 64
+    z_size: int = 80
     camera_size: int = 25
     camera_features: int = 32  # width of the embedded camera; 0 leaves the camera out
     w_size: int = 256
@@ -73,7 +73,7 @@ class DecoderConfig:
         True  # the person's w scales the inputs of each layer and shifts its outputs; not in the paper
     )
     vertex_features: int = 32  # learned numbers per body vertex, shared by all people; not in the paper
-    frequencies: int = 4  # of the encoded canonical point; 0 leaves the point out
+    frequencies: int = 6  # of the encoded canonical point; 0 leaves the point out
     residual_scale: float = 0.1  # metres per unit of the last layer
     residual_limit: float = 0.5  # metres; softly kept by a tanh
 
@@ -183,17 +183,19 @@ PAPER = GeneratorConfig(
 PRESETS = {"debug": DEBUG, "shipped": SHIPPED, "paper": PAPER}
 
 
-def for_body(config: GeneratorConfig, body: CanonicalBody, margin: float = 0.15) -> GeneratorConfig:
-    """Fit a preset to a body: its box with a margin in metres, counts, hash, and the warp that favours its
+def for_body(
+    config: GeneratorConfig, body: CanonicalBody, margin: tuple[float, float, float] = (0.1, 0.1, 0.24)
+) -> GeneratorConfig:
+    """Fit a preset to a body: its box with a margin in metres per axis (skirts reach far along z), counts, hash, and the warp that favours its
     head.
 
     Raises:
         InputError: the margin is not positive.
     """
-    if not margin > 0:
+    if not min(margin) > 0:
         raise InputError(f"generator config: margin {margin} m; the box must reach beyond the body")
-    low = body.vertices.min(axis=0) - margin
-    high = body.vertices.max(axis=0) + margin
+    low = body.vertices.min(axis=0) - np.array(margin)
+    high = body.vertices.max(axis=0) + np.array(margin)
     planes = replace(config.planes, low=triple(low), high=triple(high))
     if planes.head_gain != 1 and "head" in body.joint_names:
         planes = replace(planes, warp=head_warp(body, low, high, planes.head_gain))

@@ -1,0 +1,64 @@
+"""Layers of a person: a signed distance and a colour everywhere, laid one over another.
+
+Distances here are first-order: offsets, intersections and smooth unions of true distances, slopes near 1.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+EDGE = 0.0006  # m, softness of a colour edge on the surface
+BLEND = 0.003  # m, rounding where two layers meet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layer:
+    """One thing worn, or the skin."""
+
+    sdf: Float[Tensor, "B N"]  # m, negative inside
+    color: Float[Tensor, "B N 3"]  # sRGB 0..1
+
+
+def ramp(x: Tensor, low: float | Tensor, high: float | Tensor) -> Tensor:
+    """Smoothstep from 0 at low to 1 at high."""
+    t = ((x - low) / (high - low)).clamp(0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def bump(x: Tensor, centre: float | Tensor, width: float | Tensor) -> Tensor:
+    """Gaussian of height 1."""
+    return torch.exp(-(((x - centre) / width) ** 2))
+
+
+def mix(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
+    """Colours a..b by a weight without their last axis."""
+    return a + (b - a) * weight[..., None]
+
+
+def smooth_min(a: Tensor, b: Tensor, radius: float = BLEND) -> Tensor:
+    """Minimum with a rounded crease; equals the minimum where the two differ by more than radius."""
+    h = (radius - (a - b).abs()).clamp(min=0) / radius
+    return torch.minimum(a, b) - h * h * radius / 4
+
+
+def over(below: Layer, above: Layer) -> Layer:
+    """Union of two layers; the colour is that of the outer one."""
+    visible = torch.sigmoid((below.sdf - above.sdf) / EDGE)
+    return Layer(sdf=smooth_min(below.sdf, above.sdf), color=mix(below.color, above.color, visible))
+
+
+def when(worn: Float[Tensor, "B 1"], layer: Layer) -> Layer:
+    """The layer for those who wear it; infinitely thin and far away for the rest."""
+    return Layer(sdf=torch.where(worn > 0.5, layer.sdf, torch.ones_like(layer.sdf)), color=layer.color)
+
+
+def cloth(body: Tensor, thickness: Tensor | float, covered: Tensor) -> Tensor:
+    """Distance to the body thickened by `thickness`, cut where `covered` (metres inside the pattern piece) goes negative."""
+    return torch.maximum(body - thickness, -covered)
+
+
+def folds(u: Tensor, v: Tensor, phase_a: Tensor, phase_b: Tensor, wavelength: float = 0.075) -> Tensor:
+    """Cloth folds in -1..1 across u, wandering along v (metres)."""
+    return torch.sin(6.2832 * (u / wavelength + 0.35 * torch.sin(6.2832 * v / 0.23 + 6.2832 * phase_b) + phase_a))

@@ -1,0 +1,38 @@
+"""A whole clothed person: the layers in the order they are put on. This is the training target of the warm start."""
+
+from jaxtyping import Float
+from torch import Tensor
+
+from avatargen.wardrobe import garments
+from avatargen.wardrobe.attributes import People
+from avatargen.wardrobe.chart import Places
+from avatargen.wardrobe.hair import beanie, hair, style
+from avatargen.wardrobe.layers import Layer, over, when
+from avatargen.wardrobe.skin import skin
+
+
+def wears_hat(people: People) -> Float[Tensor, "B 1"]:
+    """One in eight wears a beanie."""
+    return people.choice("hat_a") * people.choice("hat_b") * people.choice("hat_c")
+
+
+def dress_up(places: Places, people: People) -> Layer:
+    """Signed distance and colour of every person at every place, both [B N ...], in canonical space.
+
+    `places` has leading shape [B N] or [1 N]. Tucked tops go under the trousers, others over them.
+    """
+    skirted, hat = garments.has_skirt(people), wears_hat(people)
+    tucked = people.choice("tucked") * (1 - garments.has_dress(people))
+    person = skin(places, people)
+    person = over(person, when(people.choice("fringe"), garments.socks(places, people)))
+    person = over(person, garments.shoes(places, people))
+    upper = garments.top(places, people)
+    person = over(person, when(tucked, upper))
+    person = over(person, when(1 - skirted, garments.trousers(places, people)))
+    person = over(person, when(skirted, garments.skirt(places, people)))
+    person = over(person, when(people.choice("belt") * tucked * (1 - skirted), garments.belt(places, people)))
+    person = over(person, when(1 - tucked, upper))
+    person = over(person, when(people.choice("outer_a") * (1 - hat * 0), garments.outer(places, people)))
+    _, _, curtain, _ = style(people)
+    person = over(person, when(1 - hat * (curtain < 0.5).to(hat), hair(places, people)))
+    return over(person, when(hat, beanie(places, people)))
