@@ -55,6 +55,11 @@ $(BLENDER_VENV)/judges.stamp: $(JUDGES)/blender-constraints.txt
 	$(BLENDER_VENV)/bin/python -m pip --disable-pip-version-check install -c $< bpy
 	touch $@
 
+# Pictures of a file for people to look at: make pictures GLB=avatar_3.glb
+GLB ?= avatar_3.glb
+pictures: $(BLENDER_VENV)/judges.stamp
+	$(BLENDER_VENV)/bin/python $(JUDGES)/blender_render.py $(GLB) out/pictures
+
 clean:
 	rm -rf build dist out *.egg-info .pytest_cache .ruff_cache
 	find avatargen assets exporters tests -name __pycache__ -type d -prune -exec rm -rf {} +
