@@ -1,0 +1,130 @@
+"""avatar-export: from a seed to a rigged, textured file.
+
+Only what `--help` and bad arguments need is imported here; `export_run` brings torch and the rest.
+"""
+
+import sys
+from argparse import Namespace, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from pathlib import Path
+
+from avatargen import __version__
+from avatargen.atomic import check_writable
+from avatargen.commands.line import OneLineParser, run_command, whole_number
+from avatargen.commands.progress import progress_line
+from avatargen.errors import InputError
+
+PROGRAM = "avatar-export"
+LARGEST_SEED = 2**63 - 1
+DESCRIPTION = """\
+Make one clothed, textured, rigged human from a seed and write it to a file.
+
+The last line on standard output is the path written. Exit status 0 means the file is whole;
+bad input ends in one line on standard error, status 2 and no file."""
+EXAMPLES = """\
+examples:
+  avatar-export --seed 3 --format glb
+  avatar-export --seed 3 --out person.glb --report person.json --preview person.png
+  avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    return run_command(PROGRAM, lambda: export_avatar(parse(arguments)))
+
+
+def parse(arguments: Sequence[str] | None) -> Namespace:
+    """The options as given; build settings that were left out stay None: BuildConfig has the defaults."""
+    parser = OneLineParser(
+        PROGRAM,
+        description=DESCRIPTION,
+        epilog=EXAMPLES,
+        formatter_class=RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add(
+        "--seed",
+        type=whole_number(0, LARGEST_SEED),
+        required=True,
+        metavar="N",
+        help="which person; the same seed gives the same file",
+    )
+    add("--format", metavar="NAME", help="file format: glb (default: the suffix of --out, else glb)")
+    add("--out", type=Path, metavar="FILE", help="where to write (default: avatar_SEED.FORMAT here)")
+    add(
+        "--report",
+        type=Path,
+        metavar="FILE.json",
+        help="also write sizes, seconds per stage and error in millimetres",
+    )
+    add("--preview", type=Path, metavar="FILE.png", help="also write a picture of the avatar")
+    shape = parser.add_argument_group("the asset")
+    shape.add_argument(
+        "--faces",
+        type=whole_number(100, 2_000_000),
+        metavar="N",
+        help="triangles wanted, kept within 2 %% (default: 20000)",
+    )
+    shape.add_argument(
+        "--texture",
+        type=whole_number(16, 8192),
+        metavar="N",
+        help="width and height of the texture (default: 1024)",
+    )
+    shape.add_argument(
+        "--resolution",
+        type=whole_number(32, 2048),
+        metavar="N",
+        help="fineness the field is sampled at (default: 512)",
+    )
+    shape.add_argument("--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a)")
+    model = parser.add_argument_group("the model")
+    model.add_argument(
+        "--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones"
+    )
+    model.add_argument(
+        "--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl"
+    )
+    model.add_argument("--device", default="cpu", metavar="NAME", help="cpu or cuda (default: cpu)")
+    parser.add_argument("--version", action="version", version=f"avatargen {__version__}")
+    return parser.parse_args(arguments)
+
+
+def export_avatar(given: Namespace) -> None:
+    """Check what can be checked at once, then build and write.
+
+    Raises:
+        AvatarGenError: an argument, file or field is bad; then nothing is written.
+    """
+    path = output_path(given)
+    if given.preview is not None and given.preview.suffix.lower() != ".png":
+        raise InputError(f"found --preview {given.preview}; give a name that ends in .png")
+    for output in (path, given.report, given.preview):
+        if output is not None:
+            check_writable(output)
+    for source in (given.weights, given.body):
+        if source is not None and not source.is_file():
+            raise InputError(f"found no file {source}; check the path")
+    with progress_line() as show:
+        show("loading libraries")
+        from avatargen.commands.export_run import run
+
+        closing = run(given, path, show)
+    print(closing, file=sys.stderr)
+    print(path)
+
+
+def output_path(given: Namespace) -> Path:
+    """Where the asset goes: --out and --format must agree, and each can stand in for the other."""
+    if given.out is None:
+        return Path(f"avatar_{given.seed}.{given.format or 'glb'}")
+    if given.format is not None and given.out.suffix.lower() != f".{given.format}":
+        raise InputError(
+            f"found --out {given.out} with --format {given.format}; give a name that ends in .{given.format}"
+        )
+    return given.out
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""The work of avatar-export once its arguments make sense: load, sample, build, encode, write."""
+
+import dataclasses
+import json
+import os
+import time
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import avatargen
+from assets import Asset, BuildConfig, build
+from assets.preview import preview_png
+from avatargen.atomic import write_together
+from avatargen.avatar import Avatar
+from avatargen.body.pose import load_pose
+from avatargen.commands.progress import Show
+from avatargen.errors import InputError
+from exporters import find_encoder
+
+STARTED = time.perf_counter()
+NAMED_POSES = ("x", "t", "a")
+
+
+@dataclass
+class Clock:
+    """Seconds by stage, in the order the stages ran; says on the way what is being done."""
+
+    show: Show
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        self.show(name)
+        started = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - started
+
+
+def run(given: Namespace, path: Path, show: Show) -> str:
+    """Make the asset and write it, its report and its preview; returns the closing line.
+
+    Raises:
+        AvatarGenError: an argument, file or field is bad; then nothing is written.
+    """
+    encode = find_encoder(path)
+    settings = build_settings(given)
+    clock = Clock(show, {"import": process_seconds()})
+    with clock.stage("load"):
+        generator = avatargen.load_generator(given.weights, body=given.body, device=given.device)
+    with clock.stage("sample"):
+        avatar = generator.sample(given.seed)
+    config = with_pose(settings, given.pose, avatar)
+    asset = build(avatar, config, progress=show)
+    clock.seconds.update(asset.report.seconds)
+    with clock.stage("encode"):
+        data = encode(asset)
+    files = [(path, data)]
+    if given.preview is not None:
+        with clock.stage("preview"):
+            files.append((given.preview, preview_png(asset)))
+    show("writing")
+    total = process_seconds()
+    if given.report is not None:
+        report = make_report(given, path, asset, config, len(data), clock.seconds | {"total": total})
+        files.append((given.report, json.dumps(report, indent=2).encode() + b"\n"))
+    write_together(files)
+    error = asset.report.error
+    return (
+        f"{path}: {len(data) / 1e6:.1f} MB, {len(asset.faces):,} faces, {total:.1f} s, "
+        f"error {error.mean_mm:.3f} mm mean, {error.p99_mm:.2f} mm p99"
+    )
+
+
+def build_settings(given: Namespace) -> BuildConfig:
+    """The options given, over BuildConfig's own defaults; a pose file follows when the body is known."""
+    options = {name: getattr(given, name) for name in ("faces", "texture", "resolution")}
+    named = given.pose.lower() if given.pose is not None and given.pose.lower() in NAMED_POSES else None
+    if given.pose is not None and named is None and not Path(given.pose).is_file():
+        raise InputError(
+            f"found --pose {given.pose}, wanted one of {', '.join(NAMED_POSES)} or an .npz file that exists"
+        )
+    options["pose"] = named
+    return BuildConfig(**{name: value for name, value in options.items() if value is not None})
+
+
+def with_pose(config: BuildConfig, pose: str | None, avatar: Avatar) -> BuildConfig:
+    """The settings with the pose file's rotations, where --pose names a file."""
+    if pose is None or pose.lower() in NAMED_POSES:
+        return config
+    return dataclasses.replace(config, pose=load_pose(pose, len(avatar.body.parents)))
+
+
+def make_report(
+    given: Namespace, path: Path, asset: Asset, config: BuildConfig, size: int, seconds: dict[str, float]
+) -> dict[str, object]:
+    """What was made, how long it took and how far the mesh is from the field, for scripts to read."""
+    error, pose = asset.report.error, config.pose
+    return {
+        "seed": given.seed,
+        "path": str(path),
+        "version": asset.info.version,
+        "weights_hash": asset.info.weights_hash,
+        "licence": asset.info.licence,
+        "vertices": len(asset.vertices),
+        "faces": len(asset.faces),
+        "bytes": size,
+        "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
+        "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm, "max": error.max_mm},
+        "left_out": list(asset.report.left_out),
+        "settings": {
+            "resolution": config.resolution,
+            "faces": config.faces,
+            "texture": config.texture,
+            "pose": pose if isinstance(pose, str) else str(given.pose),
+            "body": str(given.body) if given.body else "default",
+            "weights": str(given.weights) if given.weights else "default",
+            "device": given.device,
+        },
+    }
+
+
+def process_seconds() -> float:
+    """Seconds since this process started, where the system tells; elsewhere since this module's import."""
+    try:
+        fields = Path("/proc/self/stat").read_text().rsplit(")", 1)[1].split()
+        started = int(fields[19]) / os.sysconf("SC_CLK_TCK")  # seconds after boot
+        return float(Path("/proc/uptime").read_text().split()[0]) - started
+    except (OSError, ValueError, IndexError):
+        return time.perf_counter() - STARTED

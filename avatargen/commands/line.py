@@ -1,0 +1,67 @@
+"""What every command shares: errors as one line on standard error, and exit statuses scripts can rely on.
+
+Status 0: done and whole. 2: bad input, one line says what was found, what was wanted, what to do. 130, 143:
+interrupted or terminated, nothing written.
+"""
+
+import argparse
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Callable
+from typing import NoReturn
+
+from avatargen.errors import AvatarGenError, InputError
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """An argument parser whose complaints are one line, not a page of usage."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+def run_command(program: str, command: Callable[[], None]) -> int:
+    """Run `command` and turn what it raises on purpose into one line and an exit status.
+
+    Bugs keep their traceback. Warnings of libraries stay silent unless Python was asked for them with -W.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    signal.signal(signal.SIGTERM, terminate)
+    try:
+        command()
+        sys.stdout.flush()
+    except AvatarGenError as error:
+        return complain(program, str(error), status=2)
+    except MemoryError:
+        return complain(
+            program, "out of memory; lower --resolution or --texture, or close programs", status=2
+        )
+    except KeyboardInterrupt:
+        return complain(program, "interrupted; nothing was written", status=128 + signal.SIGINT)
+    except BrokenPipeError:  # the reader of standard output has left; the work is done all the same
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def terminate(signum: int, frame: object) -> NoReturn:
+    """Leave through every `finally`, so that no part file stays behind."""
+    sys.exit(128 + signum)
+
+
+def complain(program: str, message: str, status: int) -> int:
+    print(f"{program}: {' '.join(message.split())}", file=sys.stderr)
+    return status
+
+
+def whole_number(low: int, high: int) -> Callable[[str], int]:
+    """An argument type: plain decimal digits within a range."""
+
+    def parse(text: str) -> int:
+        if not (text.isascii() and text.isdigit() and low <= int(text) <= high):
+            raise argparse.ArgumentTypeError(f"found {text!r}, wanted a whole number from {low} to {high}")
+        return int(text)
+
+    return parse

@@ -1,0 +1,83 @@
+"""avatargen: the other commands, by name.
+
+    avatargen body convert model.pkl body.npz
+
+Each command imports what it needs when it is asked for, so `avatargen --help` answers at once.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+
+from avatargen import __version__
+from avatargen.commands.line import complain
+from avatargen.errors import InputError
+
+PROGRAM = "avatargen"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """One command: its words, a summary, and the function `module:name` that takes the rest."""
+
+    words: tuple[str, ...]
+    summary: str
+    function: str
+
+    def load(self) -> Callable[[Sequence[str]], int]:
+        module, name = self.function.split(":")
+        return getattr(import_module(module), name)
+
+
+COMMANDS = (
+    Command(
+        words=("body", "convert"),
+        summary="read an SMPL .pkl safely and save it as .npz",
+        function="avatargen.commands.body_convert:main",
+    ),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] in (["-h"], ["--help"]):
+        print(help_text())
+        return 0
+    if words == ["--version"]:
+        print(f"{PROGRAM} {__version__}")
+        return 0
+    try:
+        command = find_command(words)
+    except InputError as error:
+        return complain(PROGRAM, str(error), status=2)
+    return command.load()(words[len(command.words) :])
+
+
+def find_command(words: Sequence[str]) -> Command:
+    """The command whose words the line starts with. Raises InputError where there is none."""
+    for command in COMMANDS:
+        if tuple(words[: len(command.words)]) == command.words:
+            return command
+    known = ", ".join(" ".join(command.words) for command in COMMANDS)
+    found = " ".join(words[:2]) or "nothing"
+    raise InputError(f"found {found!r}, wanted one of: {known}; see {PROGRAM} --help")
+
+
+def help_text() -> str:
+    """The table of commands."""
+    width = max(len(" ".join(command.words)) for command in COMMANDS)
+    lines = [f"  {' '.join(command.words):{width}}  {command.summary}" for command in COMMANDS]
+    return "\n".join(
+        [
+            f"usage: {PROGRAM} COMMAND [OPTIONS]",
+            "",
+            *lines,
+            "",
+            f"{PROGRAM} COMMAND --help tells more; to export an avatar use avatar-export",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
