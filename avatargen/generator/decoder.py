@@ -145,5 +145,6 @@ def interpolate(table: Float[Tensor, "V K"], body: BodyPoints) -> Float[Tensor, 
 def encode(centered: Float[Tensor, "B N 3"], frequencies: int) -> Float[Tensor, "B N code"]:
     """The point, and its sines and cosines at pi, 2 pi, 4 pi ..."""
     scales = torch.pi * 2.0 ** torch.arange(frequencies, device=centered.device)
-    angles = (centered[..., None, :] * scales[:, None]).flatten(-2)
+    mix = torch.kron(scales, torch.eye(3, device=centered.device)).to(centered.dtype)  # 3, 3 frequencies
+    angles = centered @ mix
     return torch.cat([centered, torch.sin(angles), torch.cos(angles)], dim=-1)
