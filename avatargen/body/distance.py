@@ -13,6 +13,8 @@ from jaxtyping import Float, Float32, Float64, Int64
 from avatargen.errors import FieldError, InputError
 
 ON_EDGE = 1e-9  # barycentric coordinate under which a closest point counts as on the opposite edge
+CELL = 0.02  # metres; points nearer than this to their predecessor count as coherent
+COHERENCE_SAMPLE = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,7 @@ class BodyDistance:
                 "body distance: the mesh has no faces or is not finite; give a closed triangle mesh"
             )
         self.features = pseudonormals(self.vertices, self.faces)  # F 7 3
+        self.gradients = barycentric_gradients(self.vertices[self.faces])  # F 3 3
         self.tree = igl.AABB()
         self.tree.init(self.vertices, self.faces)
 
@@ -59,11 +62,22 @@ class BodyDistance:
                 face=np.zeros(0, np.int64),
                 barycentric=np.zeros((0, 3), np.float32),
             )
-        found = self.tree.squared_distance(self.vertices, self.faces, points)
-        squared, face, closest = map(np.asarray, found)
+        order = coherent_order(points)
+        if order is None:
+            return self.query_in_order(points)
+        hit = self.query_in_order(points[order])
+        back = np.empty_like(order)
+        back[order] = np.arange(len(order))
+        return BodyHit(distance=hit.distance[back], face=hit.face[back], barycentric=hit.barycentric[back])
+
+    def query_in_order(self, points: Float64[np.ndarray, "N 3"]) -> BodyHit:
+        """`query` without its checks, in the given order."""
+        squared, face, closest = map(
+            np.asarray, self.tree.squared_distance(self.vertices, self.faces, points)
+        )
         barycentric = self.barycentric(face, closest)
-        normal = self.features[face, feature(barycentric)]
-        inside = np.einsum("nd,nd->n", points - closest, normal) < 0
+        normal = self.features.reshape(-1, 3)[7 * face + feature(barycentric)]
+        inside = dot(points - closest, normal) < 0
         distance = np.sqrt(squared)
         return BodyHit(
             distance=np.where(inside, -distance, distance).astype(np.float32),
@@ -75,13 +89,30 @@ class BodyDistance:
         self, face: Int64[np.ndarray, " N"], closest: Float64[np.ndarray, "N 3"]
     ) -> Float64[np.ndarray, "N 3"]:
         """Weights of the faces' corners at points on them."""
-        a, b, c = (self.vertices[self.faces[face, corner]] for corner in range(3))
-        u, v, w = b - a, c - a, closest - a
-        uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
-        wu, wv = dot(w, u), dot(w, v)
-        scale = 1 / np.maximum(uu * vv - uv * uv, 1e-300)
-        second, third = (vv * wu - uv * wv) * scale, (uu * wv - uv * wu) * scale
+        rows = self.gradients[face]  # N 3 3
+        offset = closest - rows[:, 0]
+        second, third = dot(rows[:, 1], offset), dot(rows[:, 2], offset)
         return np.stack([1 - second - third, second, third], axis=1)
+
+
+def barycentric_gradients(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 3 3"]:
+    """Each face's first corner, and the gradients of its second and third barycentric coordinates."""
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    uu, uv, vv = (dot(*pair)[:, None] for pair in ((u, u), (u, v), (v, v)))
+    scale = 1 / np.maximum(uu * vv - uv * uv, 1e-300)
+    return np.stack([a, (vv * u - uv * v) * scale, (uu * v - uv * u) * scale], axis=1)
+
+
+def coherent_order(points: Float64[np.ndarray, "N 3"]) -> Int64[np.ndarray, " N"] | None:
+    """An order in which neighbours follow each other, or None where they already do.
+
+    The tree answers neighbours from the processor's cache: about twice as fast as points in random order.
+    """
+    sample = points[: COHERENCE_SAMPLE + 1]
+    if len(points) <= COHERENCE_SAMPLE or np.median(np.abs(np.diff(sample, axis=0)).max(axis=1)) < CELL:
+        return None
+    cell = np.clip((points - points.min(axis=0)) / CELL, 0, 1023).astype(np.int32)
+    return np.argsort((cell[:, 0] * 1024 + cell[:, 1]) * 1024 + cell[:, 2], kind="stable")
 
 
 def dot(a: Float64[np.ndarray, "N 3"], b: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
