@@ -1,0 +1,237 @@
+"""An avatar: one person as functions of canonical points, and the generator that draws them.
+
+    load_generator() -> AvatarSampler --sample(seed)--> Avatar --sdf(points), color(points)--> numbers
+
+Canonical space: X-pose, betas 0, metres, y up, facing +z. Letters: N points, D size of w, B directions of
+shape.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32
+from torch import Tensor, nn
+
+from avatargen import __version__
+from avatargen.body.distance import BodyDistance
+from avatargen.body.load import load_body
+from avatargen.body.model import Body, CanonicalBody, canonical_body
+from avatargen.errors import FieldError, InputError
+from avatargen.generator.camera import front_camera
+from avatargen.generator.checkpoint import load_checkpoint
+from avatargen.generator.config import body_hash
+from avatargen.generator.decoder import BodyPoints, body_points, interpolate
+from avatargen.generator.generator import AvatarGenerator
+from avatargen.generator.planes import lookup_bilinear, plane_table
+
+LARGEST_SEED = 2**63 - 1
+QUERY_CHUNK = 1 << 18  # points whose body distances are held at once
+FIELD_CHUNK = 1 << 15  # points that go through the network at once: stays in the processor's cache
+BOX_MARGIN = 0.15  # metres of clothing and hair around the body
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvatarInfo:
+    """Where an avatar comes from."""
+
+    seed: int
+    weights_hash: str
+    version: str
+    licence: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PersonField:
+    """One person's field: its planes, cached as a table, on the shared body."""
+
+    generator: AvatarGenerator
+    distance: BodyDistance
+    w: Float[Tensor, "1 D"]
+    table: Float[Tensor, "T C"]
+    offset: Float[Tensor, "3"]  # metres from a point to where the generator's own body has it
+
+    def hidden(self, points: Float[Tensor, "N 3"], body: BodyPoints) -> Float[Tensor, "1 N width"]:
+        """What the decoder's heads read at canonical points."""
+        points = points + self.offset
+        features = lookup_bilinear(self.table, self.generator.frame(points))
+        centered = self.generator.frame.centered(points)
+        return self.generator.decoder.hidden(features[None], self.w, centered[None], body)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Avatar:
+    """One person in the canonical space."""
+
+    body: CanonicalBody
+    betas: Float32[np.ndarray, " B"]
+    bounds: Float32[np.ndarray, "2 3"]
+    info: AvatarInfo
+    field: PersonField
+
+    @property
+    def seed(self) -> int:
+        return self.info.seed
+
+    @torch.inference_mode()
+    def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
+        """Signed distance to the clothed surface, metres, negative inside.
+
+        Raises:
+            FieldError: a point or a value is NaN or infinite.
+        """
+        decoder = self.field.generator.decoder
+        return self.evaluate(
+            points, lambda hidden, body: decoder.signed_distance(hidden, body)[0], "signed distance"
+        )
+
+    @torch.inference_mode()
+    def color(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+        """Colour at points on or near the surface, sRGB in 0..1.
+
+        Raises:
+            FieldError: a point or a value is NaN or infinite.
+        """
+        decoder = self.field.generator.decoder
+        colors = self.evaluate(points, lambda hidden, body: decoder.picture_features(hidden)[0][0], "colour")
+        return colors.clamp(0, 1)
+
+    def evaluate(self, points: Tensor, head: Callable[[Tensor, BodyPoints], Tensor], what: str) -> Tensor:
+        """Ask a head of the decoder at any number of points, in chunks; one body query serves each point."""
+        device = self.field.w.device
+        faces = torch.from_numpy(self.body.faces).to(device)
+        parts = []
+        for outer in points.to(device, torch.float32).split(QUERY_CHUNK):
+            near = body_points(self.field.distance.query(outer.cpu().numpy()), faces)
+            for start in range(0, len(outer), FIELD_CHUNK):
+                part = slice(start, start + FIELD_CHUNK)
+                body = BodyPoints(
+                    distance=near.distance[:, part],
+                    vertices=near.vertices[:, part],
+                    barycentric=near.barycentric[:, part],
+                )
+                parts.append(head(self.field.hidden(outer[part], body), body))
+        values = torch.cat(parts).to(points.device)
+        if not torch.isfinite(values).all():
+            raise FieldError(f"avatar: the {what} of seed {self.seed} is NaN or infinite; check the weights")
+        return values
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AvatarSampler:
+    """A trained generator on a body: draws avatars by seed."""
+
+    generator: AvatarGenerator
+    body: CanonicalBody
+    distance: BodyDistance
+    offset: Float[Tensor, "3"]
+    own_body: (
+        bool  # the body is the one the generator was trained on, so its betas mean what the generator learned
+    )
+    weights_hash: str
+    licence: str
+
+    @torch.inference_mode()
+    def sample(self, seed: int, truncation: float = 1.0) -> Avatar:
+        """Draw a person. The latent is drawn on the CPU: the same seed is the same person on any machine.
+
+        Raises:
+            InputError: the seed is no whole number in 0..2^63 - 1, or truncation is not in 0..1.
+        """
+        if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
+            raise InputError(f"seed: {seed!r} is none; a seed is a whole number from 0 to 2^63 - 1")
+        if not 0 <= truncation <= 1:
+            raise InputError(f"truncation: {truncation} is out of range; choose 0 (the mean person) to 1")
+        draw = torch.Generator().manual_seed(seed)
+        z = torch.randn(1, self.generator.config.mapping.z_size, generator=draw)
+        device = self.offset.device
+        w = self.generator.mapping(z.to(device), front_camera().vector.to(device), truncation)
+        betas = self.generator.betas(w)[0].cpu().numpy()
+        return Avatar(
+            body=self.body,
+            betas=betas if self.own_body else np.zeros(self.body.source.shapedirs.shape[2], np.float32),
+            bounds=box_around(self.body),
+            info=AvatarInfo(
+                seed=seed, weights_hash=self.weights_hash, version=__version__, licence=self.licence
+            ),
+            field=PersonField(
+                generator=self.generator,
+                distance=self.distance,
+                w=w,
+                table=plane_table(self.generator.planes(w))[0].contiguous(),
+                offset=self.offset,
+            ),
+        )
+
+
+def box_around(body: CanonicalBody) -> Float32[np.ndarray, "2 3"]:
+    """The body's box with room for clothing and hair, metres."""
+    return np.stack([body.vertices.min(axis=0) - BOX_MARGIN, body.vertices.max(axis=0) + BOX_MARGIN])
+
+
+def load_generator(
+    weights: str | Path | None = None,
+    body: str | Path | Body | None = None,
+    device: str | torch.device = "cpu",
+) -> AvatarSampler:
+    """Load a generator, by default the one that comes with the package, on its own body or on another.
+
+    Another body than the one the weights were trained on wears the same people: what the generator learned at
+    the vertices of its body is carried to the other's by closest points, pelvis to pelvis. Its betas are zero
+    then, as its shape directions mean other things.
+
+    Raises:
+        InputError: a file is missing or damaged, or the weights fit neither this body nor the default one.
+    """
+    checkpoint = load_checkpoint(weights or shipped("generator.safetensors"))
+    generator, config = checkpoint.generator, checkpoint.generator.config
+    source = body if isinstance(body, Body) else load_body(body or shipped("body.npz"))
+    canonical = canonical_body(source)
+    distance = BodyDistance(canonical.vertices, canonical.faces)
+    own_body = body_hash(canonical) == config.body_hash
+    offset = torch.zeros(3)
+    if not own_body:
+        trained = trained_body(config.body_hash)
+        offset = torch.from_numpy(trained.joints[0] - canonical.joints[0])
+        carry_vertex_features(generator, trained, canonical.vertices + offset.numpy())
+    return AvatarSampler(
+        generator=generator.to(device).requires_grad_(False),
+        body=canonical,
+        distance=distance,
+        offset=offset.to(device),
+        own_body=own_body,
+        weights_hash=checkpoint.weights_hash,
+        licence=checkpoint.notes.get("licence", "unknown"),
+    )
+
+
+def shipped(name: str) -> Path:
+    """A file that comes with the package."""
+    return Path(str(resources.files("avatargen"))) / "pretrained" / name
+
+
+def trained_body(wanted: str) -> CanonicalBody:
+    """The body that weights with this hash were trained on, if it is the one that comes with the package.
+
+    Raises:
+        InputError: it is another one.
+    """
+    default = canonical_body(load_body(shipped("body.npz")))
+    if body_hash(default) != wanted:
+        raise InputError("weights: they were trained on another body; give that body's file as the body")
+    return default
+
+
+def carry_vertex_features(
+    generator: AvatarGenerator, trained: CanonicalBody, vertices: Float[np.ndarray, "V 3"]
+) -> None:
+    """Replace the learned features at the trained body's vertices by those at another body's vertices."""
+    if not generator.config.decoder.vertex_features:
+        return
+    hit = BodyDistance(trained.vertices, trained.faces).query(vertices)
+    near = body_points(hit, torch.from_numpy(trained.faces))
+    features = interpolate(generator.decoder.vertex_features, near)[0]
+    generator.decoder.vertex_features = nn.Parameter(features.detach())
