@@ -23,7 +23,7 @@ from avatargen.body.model import Body, CanonicalBody, canonical_body
 from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
 from avatargen.generator.checkpoint import load_checkpoint
-from avatargen.generator.config import body_hash
+from avatargen.generator.config import PlanesConfig, body_hash
 from avatargen.generator.decoder import BodyPoints, body_points, interpolate
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.planes import lookup_bilinear, plane_table
@@ -31,7 +31,7 @@ from avatargen.generator.planes import lookup_bilinear, plane_table
 LARGEST_SEED = 2**63 - 1
 QUERY_CHUNK = 1 << 18  # points whose body distances are held at once
 FIELD_CHUNK = 1 << 15  # points that go through the network at once: stays in the processor's cache
-BOX_MARGIN = 0.15  # metres of clothing and hair around the body
+BOX_MARGIN = 0.05  # metres around the body that an avatar's box always has
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +128,7 @@ class AvatarSampler:
     body: CanonicalBody
     distance: BodyDistance
     offset: Float[Tensor, "3"]
+    bounds: Float32[np.ndarray, "2 3"]
     own_body: (
         bool  # the body is the one the generator was trained on, so its betas mean what the generator learned
     )
@@ -153,7 +154,7 @@ class AvatarSampler:
         return Avatar(
             body=self.body,
             betas=betas if self.own_body else np.zeros(self.body.source.shapedirs.shape[2], np.float32),
-            bounds=box_around(self.body),
+            bounds=self.bounds,
             info=AvatarInfo(
                 seed=seed, weights_hash=self.weights_hash, version=__version__, licence=self.licence
             ),
@@ -167,9 +168,11 @@ class AvatarSampler:
         )
 
 
-def box_around(body: CanonicalBody) -> Float32[np.ndarray, "2 3"]:
-    """The body's box with room for clothing and hair, metres."""
-    return np.stack([body.vertices.min(axis=0) - BOX_MARGIN, body.vertices.max(axis=0) + BOX_MARGIN])
+def box_around(body: CanonicalBody, config: PlanesConfig, offset: np.ndarray) -> Float32[np.ndarray, "2 3"]:
+    """A box that holds the planes' box, moved to this body, and the body with a margin, metres."""
+    low = np.minimum(np.array(config.low) - offset, body.vertices.min(axis=0) - BOX_MARGIN)
+    high = np.maximum(np.array(config.high) - offset, body.vertices.max(axis=0) + BOX_MARGIN)
+    return np.stack([low, high]).astype(np.float32)
 
 
 def load_generator(
@@ -202,6 +205,7 @@ def load_generator(
         body=canonical,
         distance=distance,
         offset=offset.to(device),
+        bounds=box_around(canonical, config.planes, offset.numpy()),
         own_body=own_body,
         weights_hash=checkpoint.weights_hash,
         licence=checkpoint.notes.get("licence", "unknown"),

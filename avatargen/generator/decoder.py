@@ -42,6 +42,18 @@ def body_points(hit: BodyHit, faces: Int[Tensor, "F 3"]) -> BodyPoints:
     )
 
 
+def attach_gradient(
+    body: BodyPoints, points: Float[Tensor, "B N 3"], vertices: Float[Tensor, "V 3"]
+) -> BodyPoints:
+    """The same body points, with a distance that passes gradients on to the points."""
+    closest = (vertices[body.vertices] * body.barycentric[..., None]).sum(dim=2)
+    away = points.detach() - closest
+    length = away.norm(dim=-1, keepdim=True).clamp_min(1e-9)
+    normal = away / length * torch.sign(body.distance)[..., None]
+    step = ((points - points.detach()) * normal).sum(dim=-1)  # zero, with the wanted gradient
+    return BodyPoints(distance=body.distance + step, vertices=body.vertices, barycentric=body.barycentric)
+
+
 class ModulatedLinear(nn.Module):
     """Linear layer whose inputs are scaled and outputs shifted per person; the batch runs as one matrix
     product each.

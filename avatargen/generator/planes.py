@@ -96,7 +96,7 @@ def corner_weights(fraction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch
 
 
 def corner_factors(axes: list[int], upper: list[bool]) -> list[list[float]]:
-    """[4 12]: coefficients of (fx, fy, fz, 1) of the factor f or 1 - f that one axis gives to each of the 12 texels."""
+    """[4 12]: coefficients of (fx, fy, fz, 1) in the factor f or 1 - f that an axis gives to each texel."""
     table = [[0.0] * 12 for _ in range(4)]
     for plane, axis in enumerate(axes):
         for corner, is_upper in enumerate(upper):
