@@ -1,0 +1,184 @@
+"""A triangle surface and what can be wrong with it.
+
+Letters: V vertices, F faces, E directed edges (three a face, face by face). Metres; faces counter-clockwise
+from outside.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from assets.errors import GeometryError
+
+THIN = 1e-9  # area of a face over the square of its longest edge, at or under which it has none
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """Vertices and faces; finite, and every face names existing vertices."""
+
+    vertices: Float64[np.ndarray, "V 3"]
+    faces: Int64[np.ndarray, "F 3"]
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.vertices).all():
+            raise GeometryError("surface: vertices hold NaN or infinity; the stage before failed")
+        if len(self.faces) and not (self.faces.min() >= 0 and self.faces.max() < len(self.vertices)):
+            named = f"{self.faces.min()}..{self.faces.max()}"
+            raise GeometryError(f"surface: faces name vertices {named}; there are {len(self.vertices)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Defects:
+    """How many of each defect a surface has; all zero for one closed, manifold, outward component."""
+
+    bad_edges: int  # directed edges without exactly one opposite: open, non-manifold or inconsistently turned
+    bad_vertices: int  # vertices whose faces form more than one fan, or none
+    thin_faces: int  # faces that name a vertex twice or have no area to speak of
+    extra_components: int
+    inward: int  # 1 if the enclosed volume is not positive
+
+    def __bool__(self) -> bool:
+        return any(vars(self).values())
+
+    def __str__(self) -> str:
+        return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in vars(self).items() if count)
+
+
+def find_defects(surface: Surface) -> Defects:
+    """Check everything the pipeline promises about its meshes."""
+    twin = opposite_edges(surface.faces, len(surface.vertices))
+    return Defects(
+        bad_edges=int((twin < 0).sum()),
+        bad_vertices=count_split_vertices(surface, twin),
+        thin_faces=count_thin_faces(surface),
+        extra_components=max(0, int(label_components(surface)[0]) - 1),
+        inward=int(not volume(surface) > 0),
+    )
+
+
+def require_sound(surface: Surface, stage: str) -> Surface:
+    """The surface itself, if it is closed, manifold, outward and in one piece.
+
+    Raises:
+        GeometryError: it is not; names the stage and the defects.
+    """
+    defects = find_defects(surface)
+    if defects:
+        raise GeometryError(
+            f"{stage}: {defects} are left; one closed manifold surface is needed, try another resolution"
+        )
+    return surface
+
+
+def count_thin_faces(surface: Surface) -> int:
+    """Faces whose area is nothing beside the square of their longest edge."""
+    corners = surface.vertices[surface.faces]
+    longest = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=2).max(axis=1, initial=0)
+    return int((face_areas(surface) <= THIN * longest).sum())
+
+
+def directed_edges(faces: Int64[np.ndarray, "F 3"]) -> Int64[np.ndarray, "E 2"]:
+    """Edge i of a face runs from its corner i to the next one."""
+    return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def opposite_edges(faces: Int64[np.ndarray, "F 3"], vertex_count: int) -> Int64[np.ndarray, " E"]:
+    """For each directed edge the index of its one opposite, or -1 where it has none or several, or is itself
+    repeated."""
+    edges = directed_edges(faces)
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    order = np.argsort(low * vertex_count + high, kind="stable")
+    ordered = (low * vertex_count + high)[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))  # of each undirected edge
+    pair = first[np.diff(first, append=len(ordered)) == 2]
+    a, b = order[pair], order[pair + 1]
+    opposed = edges[a, 0] == edges[b, 1]
+    a, b = a[opposed], b[opposed]
+    twin = np.full(len(edges), -1, dtype=np.int64)
+    twin[a], twin[b] = b, a
+    return twin
+
+
+def count_split_vertices(surface: Surface, twin: Int64[np.ndarray, " E"]) -> int:
+    """Vertices that are not the centre of exactly one closed fan of faces."""
+    start = surface.faces.reshape(-1)
+    degree = np.bincount(start, minlength=len(surface.vertices))
+    first = np.zeros(len(degree), dtype=np.int64)
+    first[start] = np.arange(len(start))
+    visited = np.zeros(len(degree), dtype=np.int64)
+    walking = np.flatnonzero(degree)
+    edge = first[walking]
+    while len(walking):  # all vertices step to the next face of their fan together
+        visited[walking] += 1
+        edge = twin[edge + np.where(edge % 3 == 0, 2, -1)]
+        going = (edge >= 0) & (edge != first[walking]) & (visited[walking] < degree[walking])
+        walking, edge = walking[going], edge[going]
+    return int(((visited != degree) | (degree == 0)).sum())
+
+
+def label_components(surface: Surface) -> tuple[int, Int64[np.ndarray, " V"]]:
+    """Number of connected components and the component of each vertex."""
+    count = len(surface.vertices)
+    rows = surface.faces.reshape(-1)
+    columns = np.roll(surface.faces, -1, axis=1).reshape(-1)
+    graph = coo_array((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(count, count))
+    components, label = connected_components(graph, directed=False)
+    return int(components), label.astype(np.int64)
+
+
+def face_normals(surface: Surface) -> Float64[np.ndarray, "F 3"]:
+    """Outward normals, as long as twice the face's area."""
+    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
+    return np.cross(b - a, c - a)
+
+
+def face_areas(surface: Surface) -> Float64[np.ndarray, " F"]:
+    """Square metres."""
+    return 0.5 * np.linalg.norm(face_normals(surface), axis=1)
+
+
+def volume_parts(surface: Surface) -> Float64[np.ndarray, " F"]:
+    """Signed volume of the tetrahedron of each face and the vertices' centre; they sum to the enclosed
+    volume."""
+    centred = surface.vertices - surface.vertices.mean(axis=0) if len(surface.vertices) else surface.vertices
+    a, b, c = (centred[surface.faces[:, corner]] for corner in range(3))
+    return np.einsum("fi,fi->f", a, np.cross(b, c)) / 6
+
+
+def volume(surface: Surface) -> float:
+    """Enclosed volume in cubic metres, positive if faces point outward."""
+    return float(volume_parts(surface).sum())
+
+
+def vertex_normals(surface: Surface) -> Float64[np.ndarray, "V 3"]:
+    """Unit normals, the mean of the faces' normals weighted by their angles at the vertex; +y where that
+    vanishes."""
+    corners = surface.vertices[surface.faces]  # F 3 3
+    normal = face_normals(surface)
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    forward, backward = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(forward, backward), axis=2)
+    angle = np.arctan2(sine, (forward * backward).sum(axis=2))  # F 3
+    total = sum_at_vertices(surface, angle[..., None] * normal[:, None])
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(length > 1e-12, total / np.maximum(length, 1e-12), [0.0, 1.0, 0.0])
+
+
+def sum_at_vertices(surface: Surface, values: Float64[np.ndarray, "F 3 C"]) -> Float64[np.ndarray, "V C"]:
+    """Sum of values given at each corner of each face."""
+    index = surface.faces.reshape(-1)
+    flat = values.reshape(len(index), -1)
+    count = len(surface.vertices)
+    return np.stack([np.bincount(index, column, minlength=count) for column in flat.T], axis=1)
+
+
+def compact(vertices: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> Surface:
+    """A surface without the vertices that no face names; the others keep their order."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces.reshape(-1)] = True
+    place = np.cumsum(used) - 1
+    return Surface(vertices=vertices[used], faces=place[faces].astype(np.int64))
