@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+import torch
+from shapes import icosphere, sphere
+
+from assets.measure import MeasureConfig, points_on, sample_surface, surface_error
+from assets.surface import face_areas
+from avatargen.errors import FieldError
+
+
+def test_a_concentric_sphere_is_off_by_the_difference_of_the_radii():
+    error = surface_error(icosphere(0.5, rounds=5), sphere(0.503))
+    assert error.mean_mm == pytest.approx(3.1, abs=0.1)  # chords lie up to .2 mm inside
+    assert error.max_mm == pytest.approx(3.2, abs=0.1)
+
+
+@pytest.mark.parametrize("scale", [0.3, 4.0])
+def test_distance_is_measured_in_space_not_in_the_fields_own_units(scale):
+    error = surface_error(icosphere(0.5, rounds=5), lambda points: scale * sphere(0.503)(points))
+    assert error.mean_mm == pytest.approx(3.1, abs=0.1)
+
+
+def test_curved_fields_are_followed_to_their_zero():
+    def squared(points):  # |p|^2 - r^2: its slope changes on the way
+        return (points.double().norm(dim=1) ** 2 - 0.503**2).float()
+
+    assert surface_error(icosphere(0.5, rounds=5), squared).mean_mm == pytest.approx(3.1, abs=0.1)
+
+
+def test_samples_are_even_over_the_area_and_repeatable():
+    ball = icosphere(rounds=2)
+    face, barycentric = sample_surface(ball, 20_000, seed=1)
+    share = np.bincount(face, minlength=len(ball.faces)) / len(face)
+
+    assert np.abs(share - face_areas(ball) / face_areas(ball).sum()).max() < 1e-3
+    assert barycentric.min() >= 0
+    assert barycentric.sum(axis=1) == pytest.approx(1)
+    assert np.linalg.norm(points_on(ball, face, barycentric).mean(axis=0)) < 0.02
+    assert np.array_equal(face, sample_surface(ball, 20_000, seed=1)[0])
+
+
+def test_nan_is_named():
+    with pytest.raises(FieldError, match="NaN"):
+        surface_error(
+            icosphere(), lambda points: torch.full((len(points),), torch.nan), MeasureConfig(samples=10)
+        )
