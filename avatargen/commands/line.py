@@ -60,7 +60,8 @@ def whole_number(low: int, high: int) -> Callable[[str], int]:
     """An argument type: plain decimal digits within a range."""
 
     def parse(text: str) -> int:
-        if not (text.isascii() and text.isdigit() and low <= int(text) <= high):
+        plain = text.isascii() and text.isdigit() and len(text) <= 30
+        if not (plain and low <= int(text) <= high):
             raise argparse.ArgumentTypeError(f"found {text!r}, wanted a whole number from {low} to {high}")
         return int(text)
 

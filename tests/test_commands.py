@@ -1,0 +1,223 @@
+"""The commands' promises to scripts: one line, the right status, no file; help that answers at once."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bodies
+import numpy as np
+import pytest
+
+from avatargen.body.load import load_body
+from avatargen.commands import avatar_export, main
+from avatargen.commands.line import run_command
+from avatargen.commands.progress import progress_line
+from avatargen.errors import FieldError, InputError
+
+PROJECT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(autouse=True)
+def keep_signal_handler():
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, handler)
+
+
+def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avatar_export) -> str:
+    """The one line a bad call ends in; nothing is printed for scripts and the folder stays as it was."""
+    before = sorted(os.listdir("."))
+    assert program.main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert sorted(os.listdir(".")) == before
+    return err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ([], "required: --seed"),
+        (["--seed"], "--seed: expected one argument"),
+        (["--seed", "-1"], "--seed"),
+        (["--seed", "three"], "found 'three', wanted a whole number from 0 to"),
+        (["--seed", "3.0"], "found '3.0'"),
+        (["--seed", "1e3"], "found '1e3'"),
+        (["--seed", "1_000"], "found '1_000'"),
+        (["--seed", "٣"], "wanted a whole number"),
+        (["--seed", ""], "found ''"),
+        (["--seed", str(2**63)], f"from 0 to {2**63 - 1}"),
+        (["--seed", "9" * 5000], "wanted a whole number"),
+        (["--seed", "3", "--faces", "0"], "--faces: found '0', wanted a whole number from 100"),
+        (["--seed", "3", "--texture", "1000000"], "--texture: found '1000000'"),
+        (["--seed", "3", "--resolution", "high"], "--resolution: found 'high'"),
+        (["--seed", "3", "--resolution", "4096"], "--resolution: found '4096'"),
+        (["--seed", "3", "--fac", "500"], "unrecognized arguments: --fac 500"),
+        (["--seed", "3", "extra"], "unrecognized arguments: extra"),
+        (["--seed", "3", "--out", "a.glb", "--format", "vrm"], "give a name that ends in .vrm"),
+        (["--seed", "3", "--out", "missing/a.glb"], "cannot write missing/a.glb: No such file or directory"),
+        (["--seed", "3", "--out", "/dev/full"], "cannot write /dev/full"),
+        (["--seed", "3", "--out", "."], "cannot write .: it is a folder"),
+        (["--seed", "3", "--report", "missing/a.json"], "cannot write missing/a.json"),
+        (["--seed", "3", "--preview", "a.jpg"], "give a name that ends in .png"),
+        (["--seed", "3", "--preview", "missing/a.png"], "cannot write missing/a.png"),
+        (["--seed", "3", "--weights", "none.safetensors"], "found no file none.safetensors"),
+        (["--seed", "3", "--body", "none.npz"], "found no file none.npz"),
+    ],
+)
+def test_bad_arguments_end_in_one_line(
+    arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    err = fails(arguments, capsys)
+    assert err.startswith("avatar-export: ")
+    assert line in err
+
+
+WATCH_IMPORTS = """
+import atexit, sys
+atexit.register(lambda: print(sorted({"torch", "numpy", "rich"} & set(sys.modules))))
+from avatargen.commands.COMMAND import main
+main(["--help"])
+"""
+
+
+@pytest.mark.parametrize("command", ["avatar_export", "main"])
+def test_help_answers_at_once_and_imports_nothing_heavy(command: str) -> None:
+    seconds = []
+    for _ in range(3):
+        started = time.perf_counter()
+        code = [sys.executable, "-c", WATCH_IMPORTS.replace("COMMAND", command)]
+        run = subprocess.run(code, cwd=PROJECT, capture_output=True, text=True)
+        seconds.append(time.perf_counter() - started)
+    assert run.returncode == 0, run.stderr
+    assert "usage: " in run.stdout
+    assert run.stdout.splitlines()[-1] == "[]"
+    assert min(seconds) < 1
+
+
+def test_help_names_the_settings_own_defaults(capsys: pytest.CaptureFixture[str]) -> None:
+    pipeline = pytest.importorskip("assets.pipeline")
+    with pytest.raises(SystemExit):
+        avatar_export.parse(["--help"])
+    text, config = capsys.readouterr().out, pipeline.BuildConfig()
+    for name in ("faces", "texture", "resolution", "pose"):
+        assert f"(default: {getattr(config, name)})" in text.split(f"--{name} ")[-1][:200]
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "line"),
+    [
+        (InputError("found a\nmess,  wanted order"), 2, "p: found a mess, wanted order\n"),
+        (FieldError("NaN"), 2, "p: NaN\n"),
+        (MemoryError(), 2, "p: out of memory; lower --resolution or --texture, or close programs\n"),
+        (KeyboardInterrupt(), 130, "p: interrupted; nothing was written\n"),
+    ],
+)
+def test_what_is_raised_becomes_a_line_and_a_status(
+    error: BaseException, status: int, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def command() -> None:
+        raise error
+
+    assert run_command("p", command) == status
+    assert capsys.readouterr() == ("", line)
+
+
+def test_bugs_keep_their_traceback() -> None:
+    with pytest.raises(ZeroDivisionError):
+        run_command("p", lambda: [][1 // 0])
+
+
+LEFT = "from avatargen.commands.line import run_command; exit(run_command('p', lambda: print('x')))"
+
+
+def test_a_reader_that_left_is_no_error() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    run = subprocess.run([sys.executable, "-c", LEFT], cwd=PROJECT, stdout=writer, stderr=subprocess.PIPE)
+    os.close(writer)
+    assert (run.returncode, run.stderr) == (0, b"")
+
+
+INTERRUPTED = """
+import sys, time
+from avatargen.commands.line import run_command
+def work():
+    try:
+        print("ready", flush=True)
+        time.sleep(30)
+    finally:
+        print("tidy", flush=True)
+sys.exit(run_command("p", work))
+"""
+
+
+@pytest.mark.parametrize(("sent", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_interruption_runs_every_finally(sent: signal.Signals, status: int) -> None:
+    code = [sys.executable, "-c", INTERRUPTED]
+    with subprocess.Popen(code, cwd=PROJECT, stdout=-1, stderr=-1, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        process.send_signal(sent)
+        assert process.communicate()[0] == "tidy\n"
+    assert process.returncode == status
+
+
+def test_progress_is_silent_in_a_pipe_and_seen_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    for stream, seen in ((io.StringIO(), False), (Terminal(), True)):
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setenv("TERM", "xterm")
+        with progress_line() as show:
+            show("extracting")
+            time.sleep(0.2)
+        assert ("extracting" in stream.getvalue()) == seen
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ([], "found 'nothing', wanted one of: "),
+        (["body"], "found 'body'"),
+        (["fly", "home", "x"], "found 'fly home'"),
+    ],
+)
+def test_avatargen_names_its_commands(
+    words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    err = fails(words, capsys, program=main)
+    assert line in err
+    assert "body convert" in err
+
+
+def test_every_command_of_the_table_exists() -> None:
+    for command in main.COMMANDS:
+        assert callable(command.load())
+
+
+def test_body_convert(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from avatargen.body.load import save_body
+
+    body = bodies.capsule_body()
+    save_body(body, "in.npz")
+    assert main.main(["body", "convert", "in.npz", "out.npz"]) == 0
+    assert capsys.readouterr().out == "out.npz\n"
+    np.testing.assert_array_equal(load_body("out.npz").v_template, body.v_template)
+
+    Path("bad.pkl").write_bytes(b"cos\nsystem\n(S'touch ran'\ntR.")
+    assert "bad.pkl" in fails(["body", "convert", "bad.pkl", "x.npz"], capsys, program=main)
+    assert ".npz" in fails(["body", "convert", "in.npz", "x.pkl"], capsys, program=main)
+    assert not Path("ran").exists()
