@@ -1,0 +1,102 @@
+"""The asset: one rigged, textured person, with everything an exporter needs and what it cost to make.
+
+Letters: W vertices after the texture's seams have split them, F faces, J joints, S texels along a side. Metres, y up,
+facing +z; uv origin at the texture's top left, as in glTF. The vertices stand in the skeleton's rest pose.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int, Int64, UInt8
+
+from assets.errors import GeometryError
+from assets.measure import SurfaceError
+
+WEIGHT_SUM_LIMIT = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skeleton:
+    """Joints by name, their parents (-1 for the root, parents before children) and their rest transforms."""
+
+    joint_names: tuple[str, ...]
+    parents: Int64[np.ndarray, " J"]
+    T_world_joint: Float64[np.ndarray, "J 4 4"]
+
+    def __post_init__(self) -> None:
+        if not len(self.joint_names) == len(self.parents) == len(self.T_world_joint):
+            raise GeometryError(
+                f"skeleton: {len(self.joint_names)} names, {len(self.parents)} parents and "
+                f"{len(self.T_world_joint)} transforms; one of each a joint is needed"
+            )
+        if not (self.parents < np.arange(len(self.parents))).all():
+            raise GeometryError("skeleton: a joint comes before its parent; sort the joints")
+        if not np.isfinite(self.T_world_joint).all():
+            raise GeometryError("skeleton: transforms hold NaN or infinity; check the pose and the betas")
+
+    @property
+    def joints(self) -> Float64[np.ndarray, "J 3"]:
+        """Rest positions, metres."""
+        return self.T_world_joint[:, :3, 3]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetInfo:
+    """Where an asset comes from."""
+
+    seed: int
+    weights_hash: str
+    version: str
+    licence: str
+    betas: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What making the asset took and how exact it is."""
+
+    seconds: tuple[tuple[str, float], ...]  # per stage, in order
+    error: SurfaceError  # mesh to field, in the canonical pose
+    welded_vertices: int
+    queries: int  # points the field was asked at for the surface
+    dropped_components: int
+    texture_coverage: float  # share of texels that a face uses
+    left_out: tuple[str, ...]
+
+    @property
+    def total_seconds(self) -> float:
+        return sum(seconds for _, seconds in self.seconds)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asset:
+    """A rigged, textured mesh. Raises GeometryError where its parts do not fit."""
+
+    vertices: Float32[np.ndarray, "W 3"]
+    normals: Float32[np.ndarray, "W 3"]
+    uv: Float32[np.ndarray, "W 2"]
+    faces: Int64[np.ndarray, "F 3"]
+    joints: Int[np.ndarray, "W 4"]
+    weights: Float32[np.ndarray, "W 4"]
+    texture: UInt8[np.ndarray, "S S 3"]
+    skeleton: Skeleton
+    info: AssetInfo
+    welded: Int64[np.ndarray, " W"] | None = None  # each vertex's number before the seams split it
+    report: Report | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("vertices", "normals", "uv", "weights"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise GeometryError(f"asset: {name} hold NaN or infinity; the stage before failed")
+        count = len(self.vertices)
+        if len(self.faces) == 0 or self.faces.min() < 0 or self.faces.max() >= count:
+            raise GeometryError(f"asset: faces must name some of the {count} vertices")
+        if self.joints.min() < 0 or self.joints.max() >= len(self.skeleton.parents):
+            raise GeometryError(f"asset: joints must be among the skeleton's {len(self.skeleton.parents)}")
+        error = np.abs(self.weights.sum(axis=1, dtype=np.float64) - 1).max()
+        if not error < WEIGHT_SUM_LIMIT or self.weights.min() < 0:
+            raise GeometryError(f"asset: weight sums are off 1 by {error:.1e}, limit {WEIGHT_SUM_LIMIT:.0e}")
+        if self.uv.min() < 0 or self.uv.max() > 1:
+            raise GeometryError(
+                f"asset: uv reach from {self.uv.min():g} to {self.uv.max():g}; 0 to 1 is needed"
+            )
