@@ -93,16 +93,23 @@ def frame_of(imported: Imported, view: str) -> tuple[np.ndarray, float]:
     return np.array([head[0], top - 0.14, head[2]]), 0.36
 
 
+def pixels_of(image: bpy.types.Image) -> np.ndarray:
+    """Rows from the bottom, [H W 4]."""
+    flat = np.empty(len(image.pixels), dtype=np.float32)
+    image.pixels.foreach_get(flat)
+    width, height = image.size
+    return flat.reshape(height, width, 4)
+
+
 def join(pictures: list[list[Path]], path: Path) -> None:
     """Put pictures of one size side by side, a row for each list."""
     rows = []
     for row in pictures:
         images = [bpy.data.images.load(str(picture)) for picture in row]
-        width, height = images[0].size
-        rows.append(np.hstack([np.array(image.pixels[:]).reshape(height, width, 4) for image in images]))
+        rows.append(np.hstack([pixels_of(image) for image in images]))
     sheet = np.vstack(rows[::-1])  # Blender counts rows from the bottom
     image = bpy.data.images.new("sheet", sheet.shape[1], sheet.shape[0])
-    image.pixels = sheet.ravel()
+    image.pixels.foreach_set(sheet.ravel())
     image.filepath_raw, image.file_format = str(path), "PNG"
     image.save()
 
@@ -112,7 +119,7 @@ def main() -> None:
     parser.add_argument("glb")
     parser.add_argument("out", type=Path)
     parser.add_argument("--size", type=int, default=384)
-    parser.add_argument("--samples", type=int, default=16)
+    parser.add_argument("--samples", type=int, default=8)
     parser.add_argument("--poses", nargs="+", default=list(POSES), choices=list(POSES))
     parser.add_argument("--views", nargs="+", default=list(VIEWS), choices=list(VIEWS))
     given = parser.parse_args()
