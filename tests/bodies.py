@@ -73,3 +73,37 @@ def body_on(vertices: np.ndarray, faces: np.ndarray, pose_blend: bool) -> Body:
         shapedirs=shapedirs.astype(np.float32),
         posedirs=posedirs.astype(np.float32) if pose_blend else None,
     )
+
+
+@functools.cache
+def smpl_like_mesh() -> tuple[np.ndarray, np.ndarray]:
+    """A closed mesh of exactly 6,890 vertices: the capsule figure with faces split at their centres."""
+    vertices, faces = capsule_mesh()
+    extra = 6890 - len(vertices)
+    centers = vertices[faces[:extra]].mean(axis=1)
+    new = len(vertices) + np.arange(extra)
+    a, b, c = faces[:extra].T
+    split = np.concatenate([np.stack(s, axis=1) for s in ((a, b, new), (b, c, new), (c, a, new))])
+    return np.concatenate([vertices, centers]), np.concatenate([split, faces[extra:]])
+
+
+def smpl_like_arrays(posedirs: bool = True) -> dict[str, np.ndarray]:
+    """The arrays of an SMPL file by their keys and types, on a closed figure of 6,890 vertices."""
+    body = smpl_like_body()
+    table = np.stack([body.parents, np.arange(24)]) % 2**32
+    arrays = {
+        "v_template": body.v_template.astype(np.float64),
+        "f": body.faces.astype(np.uint32),
+        "weights": body.weights.astype(np.float64),
+        "kintree_table": table.astype(np.int64),
+        "J_regressor": body.J_regressor.astype(np.float64),
+        "shapedirs": body.shapedirs.astype(np.float64),
+    }
+    if posedirs and body.posedirs is not None:
+        arrays["posedirs"] = body.posedirs.astype(np.float64)
+    return arrays
+
+
+@functools.cache
+def smpl_like_body() -> Body:
+    return body_on(*smpl_like_mesh(), pose_blend=True)

@@ -4,7 +4,7 @@ import io
 import zipfile
 import zlib
 from pathlib import Path
-from typing import IO
+from tokenize import TokenError
 
 import numpy as np
 from numpy.lib import format as npy
@@ -79,7 +79,7 @@ def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, what: str) -> n
     return array.reshape(shape, order="F" if fortran_order else "C")
 
 
-def read_header(stream: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+def read_header(stream: io.BytesIO, what: str) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Shape, order and type from an .npy header of version 1 or 2.
 
     Raises:
@@ -93,7 +93,7 @@ def read_header(stream: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np
         return readers[version](stream, max_header_size=MAX_HEADER_BYTES)
     except InputError:
         raise
-    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, KeyError) as error:
+    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, KeyError, TokenError) as error:
         raise InputError(
             f"{what}: its .npy header is damaged ({error}); save it again with numpy.savez"
         ) from error

@@ -72,9 +72,9 @@ class BodyDistance:
 
     def query_in_order(self, points: Float64[np.ndarray, "N 3"]) -> BodyHit:
         """`query` without its checks, in the given order."""
-        squared, face, closest = map(
-            np.asarray, self.tree.squared_distance(self.vertices, self.faces, points)
-        )
+        found = self.tree.squared_distance(self.vertices, self.faces, points)
+        squared, face, closest = map(np.asarray, found)
+        face = face.astype(np.int64)  # libigl's integer type is another one of the same size
         barycentric = self.barycentric(face, closest)
         normal = self.features.reshape(-1, 3)[7 * face + feature(barycentric)]
         inside = dot(points - closest, normal) < 0

@@ -7,7 +7,7 @@ import numpy as np
 
 from avatargen.atomic import write_atomically
 from avatargen.body.arrays import read_npz
-from avatargen.body.model import Body
+from avatargen.body.model import Body, require_shape
 from avatargen.body.pickle import convert_pickle
 from avatargen.errors import InputError
 
@@ -93,56 +93,55 @@ def body_from_arrays(arrays: dict[str, np.ndarray], path: Path) -> Body:
     missing += [" or ".join(pair) for pair in EITHER if not any(key in arrays for key in pair)]
     if missing:
         raise InputError(f"body: {path} lacks {', '.join(missing)}; it must be a body in SMPL's form")
-    weights = numbers(arrays, "weights", axes=2)
+    weights = numbers(arrays, "weights", (None, None))
     sums = weights.sum(axis=1, keepdims=True)
     sums = np.where(np.abs(sums - 1) < WEIGHT_SUM_ROUNDING, 1.0, sums)
     if not (np.abs(sums - 1) < WEIGHT_SUM_TOLERANCE).all():
         raise InputError(f"body: weights of {path} do not sum to 1 per vertex; the file is damaged")
-    parents = read_parents(arrays)
-    posedirs = numbers(arrays, "posedirs", axes=3).astype(np.float32) if "posedirs" in arrays else None
+    V, J = weights.shape
+    blends = numbers(arrays, "posedirs", (V, 3, 9 * (J - 1))) if "posedirs" in arrays else None
     return Body(
-        v_template=numbers(arrays, "v_template", axes=2).astype(np.float32),
-        faces=whole_numbers(arrays, "faces" if "faces" in arrays else "f", axes=2),
+        v_template=numbers(arrays, "v_template", (V, 3)).astype(np.float32),
+        faces=whole_numbers(arrays, "faces" if "faces" in arrays else "f", (None, 3)),
         weights=(weights / sums).astype(np.float32),
-        parents=parents,
-        joint_names=read_joint_names(arrays, len(parents)),
-        J_regressor=numbers(arrays, "J_regressor", axes=2).astype(np.float32),
-        shapedirs=numbers(arrays, "shapedirs", axes=3).astype(np.float32),
-        posedirs=posedirs,
+        parents=read_parents(arrays, J),
+        joint_names=read_joint_names(arrays, J),
+        J_regressor=numbers(arrays, "J_regressor", (J, V)).astype(np.float32),
+        shapedirs=numbers(arrays, "shapedirs", (V, 3, None)).astype(np.float32),
+        posedirs=None if blends is None else blends.astype(np.float32),
     )
 
 
-def numbers(arrays: dict[str, np.ndarray], key: str, axes: int) -> np.ndarray:
-    """One array as float64, checked for its type and number of axes."""
+def numbers(arrays: dict[str, np.ndarray], key: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """One array as float64, checked for its type and shape; None stands for any length."""
     array = arrays[key]
-    if array.dtype.kind not in "fiu" or array.ndim != axes or array.size == 0:
-        raise InputError(f"body: {key} is {array.dtype} {array.shape}; numbers with {axes} axes are needed")
+    if array.dtype.kind not in "fiu" or array.size == 0:
+        raise InputError(f"body: {key} is {array.dtype} {array.shape}; numbers are needed")
+    require_shape(key, array, shape)
     return array.astype(np.float64)
 
 
-def whole_numbers(arrays: dict[str, np.ndarray], key: str, axes: int) -> np.ndarray:
+def whole_numbers(arrays: dict[str, np.ndarray], key: str, shape: tuple[int | None, ...]) -> np.ndarray:
     """One array as int64, with SMPL's unsigned 2**32 - 1 read as -1."""
-    values = numbers(arrays, key, axes)
+    values = numbers(arrays, key, shape)
     if not (np.abs(values) <= 2**32).all() or (values != np.rint(values)).any():
         raise InputError(f"body: {key} holds values that are no indices; the file is damaged")
     indices = values.astype(np.int64)
     return np.where(indices == 2**32 - 1, -1, indices)
 
 
-def read_parents(arrays: dict[str, np.ndarray]) -> np.ndarray:
+def read_parents(arrays: dict[str, np.ndarray], joint_count: int) -> np.ndarray:
     """Parents from `parents` [J] or SMPL's `kintree_table` [2 J]: a row of parents, a row of joints."""
+    if joint_count > MAX_JOINTS:
+        raise InputError(f"body: {joint_count} joints; at most {MAX_JOINTS} are read")
     if "parents" in arrays:
-        parents = whole_numbers(arrays, "parents", axes=1)
+        parents = whole_numbers(arrays, "parents", (joint_count,))
     else:
-        table = whole_numbers(arrays, "kintree_table", axes=2)
-        if len(table) != 2 or len(set(table[1].tolist())) != table.shape[1]:
-            raise InputError(
-                f"body: kintree_table has shape {table.shape}; [2, J] with each joint once is needed"
-            )
+        table = whole_numbers(arrays, "kintree_table", (2, joint_count))
         place = {joint: index for index, joint in enumerate(table[1].tolist())}
+        if len(place) != joint_count:
+            raise InputError("body: kintree_table names a joint twice; each joint once is needed")
         parents = np.array([place.get(parent, -1) for parent in table[0].tolist()], dtype=np.int64)
-    if len(parents) > MAX_JOINTS:
-        raise InputError(f"body: {len(parents)} joints; at most {MAX_JOINTS} are read")
     parents[0] = -1
     return parents
 

@@ -58,8 +58,11 @@ class Body:
         return len(self.parents)
 
 
-def require_shape(name: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
-    if array.shape != shape:
+def require_shape(name: str, array: np.ndarray, shape: tuple[int | None, ...]) -> None:
+    """Raise InputError unless the array has this shape; None stands for any length."""
+    if len(array.shape) != len(shape) or any(
+        w not in (None, h) for h, w in zip(array.shape, shape, strict=True)
+    ):
         raise InputError(f"body: {name} has shape {array.shape}; the other arrays ask for {shape}")
 
 

@@ -1,0 +1,164 @@
+"""Body files: what is written is read back, SMPL's form loads, damaged or forged files are refused."""
+
+import io
+import struct
+import tracemalloc
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from avatargen.body.load import SMPL_JOINT_NAMES, load_body, save_body
+from avatargen.body.model import Body
+from avatargen.errors import InputError
+from tests.bodies import capsule_body, smpl_like_arrays
+
+ARRAYS = ("v_template", "faces", "weights", "parents", "J_regressor", "shapedirs", "posedirs")
+
+
+@pytest.mark.parametrize("pose_blend", [False, True])
+def test_what_is_saved_is_read_back(tmp_path: Path, pose_blend: bool):
+    body = capsule_body(pose_blend=pose_blend)
+    save_body(body, tmp_path / "body.npz")
+    again = load_body(tmp_path / "body.npz")
+
+    assert again.joint_names == body.joint_names
+    for name in ARRAYS:
+        assert np.array_equal(getattr(again, name), getattr(body, name)), name
+
+
+def test_an_smpl_like_file_of_6890_vertices_loads(tmp_path: Path):
+    arrays = smpl_like_arrays()
+    np.savez(tmp_path / "smpl.npz", **arrays)  # pyright: ignore[reportArgumentType]
+    body = load_body(tmp_path / "smpl.npz")
+
+    assert isinstance(body, Body)
+    assert body.v_template.shape == (6890, 3)
+    assert body.joint_names == SMPL_JOINT_NAMES
+    assert body.parents[0] == -1
+    assert (body.parents[1:] < np.arange(1, 24)).all()
+    assert np.allclose(body.v_template, arrays["v_template"])
+
+
+def test_other_joint_counts_load(tmp_path: Path):
+    body = capsule_body()
+    arrays = {
+        "v_template": body.v_template,
+        "f": body.faces,
+        "weights": np.repeat([[0.5, 0.5, 0.0]], len(body.v_template), axis=0),
+        "kintree_table": np.array([[2**32 - 1, 7, 7], [7, 8, 9]], dtype=np.int64),
+        "J_regressor": body.J_regressor[:3],
+        "shapedirs": body.shapedirs,
+    }
+    np.savez(tmp_path / "three.npz", **arrays)
+    loaded = load_body(tmp_path / "three.npz")
+
+    assert loaded.joint_names == ("joint_00", "joint_01", "joint_02")
+    assert loaded.parents.tolist() == [-1, 0, 0]  # parents are given by id, and stored by place
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("v_template", None),
+        ("f", None),
+        ("weights", np.ones((6890, 24))),
+        ("weights", np.full((6890, 24), np.nan)),
+        ("v_template", np.zeros((6890, 2))),
+        ("v_template", np.full((6890, 3), np.inf)),
+        ("f", np.full((10, 3), 0.5)),
+        ("f", np.full((10, 3), 6890)),
+        ("f", np.zeros((10, 4), dtype=int)),
+        ("kintree_table", np.zeros((2, 24), dtype=int)),
+        ("J_regressor", np.zeros((23, 6890))),
+        ("shapedirs", np.zeros((6890, 3))),
+        ("shapedirs", np.array(["x"] * 4)),
+        ("posedirs", np.zeros((6890, 3, 206))),
+        ("joint_names", np.array(["a"] * 24)),
+        ("v_template", np.array([{}], dtype=object)),
+    ],
+)
+def test_files_that_hold_no_body_are_refused(tmp_path: Path, key: str, value: np.ndarray | None):
+    arrays = smpl_like_arrays() | {key: value}
+    kept = {k: v for k, v in arrays.items() if v is not None}
+    np.savez(tmp_path / "bad.npz", **kept)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match="body"):
+        load_body(tmp_path / "bad.npz")
+
+
+def test_missing_cut_and_foreign_files_are_refused(tmp_path: Path):
+    save_body(capsule_body(), tmp_path / "body.npz")
+    whole = (tmp_path / "body.npz").read_bytes()
+    for name, content in {"cut": whole[:-5000], "empty": b"", "text": b"hello" * 100}.items():
+        (tmp_path / f"{name}.npz").write_bytes(content)
+        with pytest.raises(InputError, match=r"no whole \.npz"):
+            load_body(tmp_path / f"{name}.npz")
+    with pytest.raises(InputError, match="cannot read"):
+        load_body(tmp_path / "none.npz")
+    with pytest.raises(InputError, match="suffix"):
+        load_body(tmp_path / "body.obj")
+
+
+def test_random_damage_never_gives_anything_but_a_body_or_an_input_error(tmp_path: Path):
+    save_body(capsule_body(0.06), tmp_path / "body.npz")
+    whole = bytearray((tmp_path / "body.npz").read_bytes())
+    rng = np.random.default_rng(0)
+    refused = 0
+    for _ in range(150):
+        damaged = bytearray(whole)
+        for place in rng.integers(len(whole), size=4):
+            damaged[place] = rng.integers(256)
+        (tmp_path / "damaged.npz").write_bytes(damaged)
+        try:
+            load_body(tmp_path / "damaged.npz")
+        except InputError:
+            refused += 1
+    assert refused > 100
+
+
+def forged(header: bytes, data: bytes = b"") -> bytes:
+    """An .npz whose v_template has this header."""
+    stream = io.BytesIO()
+    others = ("f", "weights", "kintree_table", "J_regressor", "shapedirs")
+    np.savez(stream, **{key: np.zeros(3) for key in others})  # pyright: ignore[reportArgumentType]
+    with zipfile.ZipFile(stream, "a", zipfile.ZIP_DEFLATED) as archive:
+        member = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + data
+        archive.writestr("v_template.npy", member)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 3), }\n",
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (4294967296, 4294967296), }\n",
+        b"{'descr': '|O', 'fortran_order': False, 'shape': (6890, 3), }\n",
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (-1, 3), }\n",
+        b"{'descr': '|V1000000000', 'fortran_order': False, 'shape': (6890, 3), }\n",
+        b"{'descr': '<f8', 'fortran_order': False, }\n",
+        b"(" * 3000,
+        b"__import__('os').system('true')\n",
+    ],
+)
+def test_forged_headers_are_refused_before_memory_is_taken(tmp_path: Path, header: bytes):
+    (tmp_path / "forged.npz").write_bytes(forged(header, b"\0" * 64))
+    tracemalloc.start()
+    with pytest.raises(InputError):
+        load_body(tmp_path / "forged.npz")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e6
+
+
+def test_a_zip_bomb_is_refused(tmp_path: Path):
+    path = tmp_path / "bomb.npz"
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("v_template.npy", "w") as member,
+    ):
+        for _ in range(65):
+            member.write(bytes(2**24))
+    assert path.stat().st_size < 10e6
+    with pytest.raises(InputError, match="at most"):
+        load_body(path)
