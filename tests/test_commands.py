@@ -8,7 +8,6 @@ import sys
 import time
 from pathlib import Path
 
-import bodies
 import numpy as np
 import pytest
 
@@ -17,6 +16,7 @@ from avatargen.commands import avatar_export, main
 from avatargen.commands.line import run_command
 from avatargen.commands.progress import progress_line
 from avatargen.errors import FieldError, InputError
+from tests.bodies import capsule_body
 
 PROJECT = Path(__file__).parents[1]
 
@@ -211,7 +211,7 @@ def test_every_command_of_the_table_exists() -> None:
 def test_body_convert(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from avatargen.body.load import save_body
 
-    body = bodies.capsule_body()
+    body = capsule_body()
     save_body(body, "in.npz")
     assert main.main(["body", "convert", "in.npz", "out.npz"]) == 0
     assert capsys.readouterr().out == "out.npz\n"

@@ -11,10 +11,10 @@ import trimesh
 from jaxtyping import TypeCheckError
 from PIL import Image
 from scipy.spatial.transform import Rotation
-from tube import chain, tube
 
 from avatargen.errors import InputError
 from exporters import ENCODERS, export, glb
+from tests.tube import chain, tube
 
 DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -1,0 +1,258 @@
+"""The main job through the real command: on a small untrained model built here, and on the shipped weights.
+
+The untrained generator's residual is zero, so its people are the naked body: enough for every stage.
+"""
+
+import io
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+
+from avatargen import __version__
+from avatargen.body.load import SMPL_JOINT_NAMES, save_body
+from avatargen.body.model import canonical_body
+from avatargen.commands import avatar_export, export_run
+from avatargen.generator.checkpoint import save_checkpoint
+from avatargen.generator.config import DEBUG, for_body
+from avatargen.generator.generator import AvatarGenerator
+from tests.bodies import capsule_body
+from tests.verdicts import khronos_issues
+
+PROJECT = Path(__file__).parents[1]
+SHIPPED = PROJECT / "avatargen" / "pretrained" / "generator.safetensors"
+SMALL = ["--resolution", "96", "--faces", "2000", "--texture", "128"]
+
+
+@dataclass(frozen=True)
+class Model:
+    """An untrained generator on a capsule figure, as files."""
+
+    weights: Path
+    body: Path
+    hash: str
+
+    @property
+    def options(self) -> list[str]:
+        return ["--weights", str(self.weights), "--body", str(self.body), *SMALL]
+
+
+@pytest.fixture(scope="session")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Model:
+    folder = tmp_path_factory.mktemp("model")
+    body = capsule_body()
+    save_body(body, folder / "body.npz")
+    generator = AvatarGenerator(for_body(DEBUG, canonical_body(body)))
+    weights_hash = save_checkpoint(generator, folder / "debug.safetensors", {"licence": "CC0-1.0"})
+    return Model(weights=folder / "debug.safetensors", body=folder / "body.npz", hash=weights_hash)
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, handler)
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "avatargen.commands.avatar_export", *arguments]
+
+
+def outside() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(PROJECT)}
+
+
+def check_file(path: Path, faces: int, texture: int) -> pygltflib.GLTF2:
+    """One closed, outward mesh of the size asked for, with its texture."""
+    scene = trimesh.load_scene(path, process=False)
+    (mesh,) = scene.dump()
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    assert mesh.is_volume
+    assert mesh.body_count == 1
+    assert abs(len(mesh.faces) - faces) <= 0.02 * faces
+    assert mesh.visual.material.baseColorTexture.size == (texture, texture)
+    document = pygltflib.GLTF2.load_binary(path)
+    assert document is not None
+    return document
+
+
+def test_seed_to_file_with_report_and_preview(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
+    extras = ["--report", "a.json", "--preview", "a.png"]
+    assert avatar_export.main(["--seed", "3", "--out", "a.glb", *extras, *model.options]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == "a.glb"
+    assert err.count("\n") == 1  # no progress in a pipe: only the closing line
+    assert err.startswith("a.glb: ")
+
+    assert sorted(os.listdir()) == ["a.glb", "a.json", "a.png"]
+    document = check_file(Path("a.glb"), faces=2000, texture=128)
+    assert khronos_issues(Path("a.glb"))["messages"] == []
+    report = json.loads(Path("a.json").read_text())
+    assert document.asset.extras["seed"] == report["seed"] == 3
+    assert document.asset.extras["weights_hash"] == report["weights_hash"] == model.hash
+    assert document.asset.extras["version"] == report["version"] == __version__
+    assert report["path"] == "a.glb"
+    assert report["bytes"] == Path("a.glb").stat().st_size
+    assert report["faces"] * 3 == document.accessors[document.meshes[0].primitives[0].indices].count
+    seconds = report["seconds"]
+    assert seconds["total"] >= max(seconds.values())
+    assert sum(seconds.values()) - seconds["total"] <= seconds["total"] + 0.1
+    assert 0 <= report["error_mm"]["mean"] <= report["error_mm"]["p99"] <= report["error_mm"]["max"] < 30
+    assert isinstance(report["left_out"], list)
+    assert report["settings"]["resolution"] == 96
+    assert Path("a.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_default_name_same_bytes_and_poses(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
+    np.savez("zeros.npz", pose=np.zeros((24, 3), np.float32))
+    assert avatar_export.main(["--seed", "7", *model.options]) == 0
+    assert capsys.readouterr().out == "avatar_7.glb\n"
+    for name, pose in (("again", "a"), ("t", "t"), ("zeros", "zeros.npz"), ("x", "x")):
+        assert (
+            avatar_export.main(["--seed", "7", "--pose", pose, "--out", f"{name}.glb", *model.options]) == 0
+        )
+    files = {name: Path(f"{name}.glb").read_bytes() for name in ("avatar_7", "again", "t", "zeros", "x")}
+
+    assert files["avatar_7"] == files["again"]
+    assert files["t"] == files["zeros"]
+    assert len({files["again"], files["t"], files["x"]}) == 3
+
+
+def test_python_does_what_the_command_does(model: Model) -> None:
+    import assets
+    import avatargen
+    import exporters
+
+    assert avatar_export.main(["--seed", "5", "--out", "command.glb", *model.options]) == 0
+    avatar = avatargen.load_generator(model.weights, body=model.body).sample(seed=5)
+    asset = assets.build(avatar, assets.BuildConfig(resolution=96, faces=2000, texture=128))
+    exporters.export(asset, "python.glb")
+    assert Path("python.glb").read_bytes() == Path("command.glb").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--format", "obj"], "no known suffix; use one of"),
+        (["--format", "../x"], "no known suffix"),
+        (["--out", "a.fbx"], "no known suffix; use one of .glb"),
+        (["--pose", "handstand"], "found --pose handstand, wanted one of x, t, a or an .npz file"),
+        (["--pose", "noise"], "noise"),
+        (["--weights", "noise"], "noise is no whole safetensors file"),
+        (["--weights", "cut"], "cut"),
+        (["--weights", "wild"], "NaN or infinite"),
+        (["--body", "noise.npz"], "noise.npz"),
+        (["--device", "quantum"], "quantum"),
+    ],
+)
+def test_bad_input_is_one_line_and_no_file(
+    model: Model, arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("noise").write_bytes(np.random.default_rng(0).bytes(4000))
+    Path("noise.npz").write_bytes(np.random.default_rng(0).bytes(4000))
+    Path("cut").write_bytes(model.weights.read_bytes()[:-1000])
+    if "wild" in arguments:
+        write_wild_weights(model)
+    Path("avatar_3.glb").write_bytes(b"mine")
+    before = sorted(os.listdir())
+
+    assert avatar_export.main(["--seed", "3", "--report", "r.json", *model.options, *arguments]) == 2
+
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith("avatar-export: ")
+    assert line in err
+    assert sorted(os.listdir()) == before
+    assert Path("avatar_3.glb").read_bytes() == b"mine"
+
+
+def write_wild_weights(model: Model) -> None:
+    """Finite weights whose field is not: the residual's row overflows."""
+    from avatargen.generator.checkpoint import load_checkpoint
+
+    generator = load_checkpoint(model.weights).generator
+    for parameter in generator.decoder.parameters():
+        parameter.data.fill_(3e38)
+    save_checkpoint(generator, "wild")
+
+
+@pytest.mark.parametrize("stage", ["build", "write_together"])
+def test_interruption_leaves_what_was_there(
+    model: Model, stage: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(export_run, stage, interrupt)
+    Path("avatar_3.glb").write_bytes(b"mine")
+    assert avatar_export.main(["--seed", "3", "--report", "r.json", *model.options]) == 130
+    assert capsys.readouterr() == ("", "avatar-export: interrupted; nothing was written\n")
+    assert os.listdir() == ["avatar_3.glb"]
+    assert Path("avatar_3.glb").read_bytes() == b"mine"
+
+
+def test_full_disk_leaves_what_was_there(model: Model) -> None:
+    """A real process whose files may not grow beyond 20 kB."""
+    Path("avatar_3.glb").write_bytes(b"mine")
+
+    def fill_disk() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    run = subprocess.run(
+        command("--seed", "3", "--report", "r.json", *model.options),
+        env=outside(),
+        preexec_fn=fill_disk,
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 2
+    assert run.stderr.startswith("avatar-export: cannot write avatar_3.glb: File too large")
+    assert run.stderr.count("\n") == 1
+    assert os.listdir() == ["avatar_3.glb"]
+    assert Path("avatar_3.glb").read_bytes() == b"mine"
+
+
+def test_terminated_process_leaves_nothing(model: Model) -> None:
+    with subprocess.Popen(command("--seed", "3", *model.options), env=outside(), stderr=-1, stdout=-1) as run:
+        time.sleep(1.0)  # in the middle of loading or building
+        run.send_signal(signal.SIGTERM)
+        out, _ = run.communicate()
+    assert run.returncode in (143, -signal.SIGTERM)
+    assert out == b""
+    assert os.listdir() == []
+
+
+@pytest.mark.skipif(
+    not SHIPPED.exists() and not os.environ.get("CI"), reason="the trained weights are not here"
+)
+def test_shipped_weights_from_seed_to_flawless_file() -> None:
+    """The README's own command, defaults throughout, twice."""
+    runs = []
+    for name in ("first", "second"):
+        arguments = ["--seed", "3", "--format", "glb", "--out", f"{name}.glb", "--report", f"{name}.json"]
+        run = subprocess.run(command(*arguments), env=outside(), capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        assert run.stdout.splitlines()[-1] == f"{name}.glb"
+        runs.append(Path(f"{name}.glb").read_bytes())
+    report = json.loads(Path("first.json").read_text())
+
+    assert runs[0] == runs[1]
+    document = check_file(Path("first.glb"), faces=20000, texture=1024)
+    assert khronos_issues(Path("first.glb"))["messages"] == []
+    assert [document.nodes[joint].name for joint in document.skins[0].joints] == list(SMPL_JOINT_NAMES)
+    assert report["error_mm"]["mean"] <= 0.1
+    assert report["error_mm"]["p99"] <= 0.5
+    height = np.ptp(trimesh.load_mesh(io.BytesIO(runs[0]), file_type="glb").vertices[:, 1])
+    assert 1.2 < height < 2.3
