@@ -198,11 +198,13 @@ def eye_patch(loop: list[int], eyeball: Int[np.ndarray, " E"], vertices: Float[n
     lids = vertices[loop]
     middle = lids.mean(0)
     scales = (0.93, 0.8, 0.64, 0.48, 0.32, 0.16)
+    on_ball = (0.2, 0.55, 0.85, 1.0, 1.0, 1.0)  # the rim slopes from the lids to the ball: no ledge thinner than a voxel
     rings, faces, previous = [], [], list(loop)
-    for r, scale in enumerate(scales):
+    for r, (scale, depth) in enumerate(zip(scales, on_ball, strict=True)):
         flat = middle + scale * (lids - middle)
         radial2 = ((flat[:, :2] - centre[:2]) ** 2).sum(1)
-        flat[:, 2] = centre[2] + np.sqrt(np.maximum(radius**2 - radial2, 1e-8))
+        ball_z = centre[2] + np.sqrt(np.maximum(radius**2 - radial2, 1e-8))
+        flat[:, 2] = lids[:, 2] + depth * (ball_z - lids[:, 2])
         rings.append(flat)
         current = [first + r * len(loop) + i for i in range(len(loop))]
         for i in range(len(loop)):

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from avatargen.wardrobe.attributes import People
-from avatargen.wardrobe.chart import SOLE, Places
+from avatargen.wardrobe.chart import SOLE, Places, tailor
 from avatargen.wardrobe.layers import Layer, bump, cloth, folds, mix, ramp, smooth_min
 
 ARM_Y, ARM_Z = 0.468, 0.012
@@ -43,7 +43,7 @@ def sleeve_cone(x: Tensor, y: Tensor, z: Tensor, radius: Tensor) -> Tensor:
 
 def creases(places: Places, people: People) -> Tensor:
     """Fold pattern of tops in -1..1: rings near the elbows, drapes elsewhere."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     a, b = people.measure("fold_a"), people.measure("fold_b")
     arm = ramp(x.abs(), 0.17, 0.24)
     return arm * folds(x.abs(), y + z, a, b) * (0.5 + 0.5 * bump(x.abs(), 0.45, 0.1)) + (1 - arm) * folds(
@@ -53,7 +53,7 @@ def creases(places: Places, people: People) -> Tensor:
 
 def pattern(color: Tensor, other: Tensor, places: Places, people: People) -> Tensor:
     """Prints by three choices: plain (half of them), stripes across, stripes down, checks, a chest print, two blocks."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     kind = people.kind("pattern_a", "pattern_b", "pattern_c")
     period = people.between("period", 0.05, 0.10)
     arm = ramp(x.abs(), 0.19, 0.21)
@@ -72,19 +72,22 @@ def pattern(color: Tensor, other: Tensor, places: Places, people: People) -> Ten
 
 def top(places: Places, people: People) -> Layer:
     """T-shirt, shirt, vest or sweater; women's dresses share it."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     kind = people.kind("collar_a", "collar_b")  # 0 round, 1 V, 2 shirt, 3 turtleneck
     knit = (kind == 3) | (people.measure("thickness") > 0.75)
     sleeve = people.between("sleeve", 0.135, 0.84).clamp(max=0.69)
     sleeve = torch.where(knit, sleeve.clamp(min=0.60), sleeve)
-    hem = people.between("hem", -0.09, 0.06)
-    ease = people.measure("ease")
+    layered = people.choice("outer_a")  # under a jacket: close-fitting, and not longer than it
+    hem = people.between("hem", -0.09, 0.06) + 0.05 * layered
+    ease = people.measure("ease") * (1 - 0.9 * layered)
     crease = creases(places, people)
+    tucked_in = people.choice("tucked") * ramp(WAIST_Y + 0.03 - y, 0.0, 0.04)
     thick = 0.0045 + 0.006 * people.measure("thickness") + 0.005 * knit + 0.012 * ease * ramp(-y, -0.34, -0.05)
-    thick = thick + (0.0012 + 0.0022 * ease) * crease
-    body = loosened(places, ease)
+    thick = (thick + (0.0012 + 0.0022 * ease) * crease) * (1 - 0.35 * layered)
+    thick = thick + (0.003 - thick) * tucked_in
+    body = loosened(places, ease * (1 - tucked_in))
     width = people.between("sleeve_width", 0.052, 0.078) - 0.03 * ramp(x.abs(), 0.3, 0.7) * (1 - 0.3 * ease)
-    body = torch.where(sleeve > 0.2, smooth_min(body, sleeve_cone(x, y, z, width) + thick, 0.02), body)
+    body = torch.where((sleeve > 0.2) & (layered < 0.5), smooth_min(body, sleeve_cone(x, y, z, width) + thick, 0.02), body)
     deep = people.between("neckline", 0.0, 0.055)
     neck = neck_opening(x, y, z, deep, ((kind == 1) | (kind == 2)).to(x), (kind == 3).to(x))
     covered = torch.minimum(torch.minimum(sleeve - x.abs(), y - hem), neck)
@@ -115,7 +118,7 @@ def has_dress(people: People) -> Tensor:
 
 def trousers(places: Places, people: People) -> Layer:
     """Trousers, jeans, shorts or leggings."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     lateral, down, depth = places.leg[..., 0], -places.leg[..., 1], places.leg[..., 2]
     short = people.choice("bottom_a") * people.choice("bottom_b") * (1 - people.choice("woman"))
     end = torch.where(short > 0.5, people.between("leg_length", 0.22, 0.47), people.between("leg_length", 0.70, 1.02).clamp(max=0.895))
@@ -149,7 +152,7 @@ def trousers(places: Places, people: People) -> Layer:
 
 def belt(places: Places, people: People) -> Layer:
     """A belt at the waist with a buckle."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     middle = WAIST_Y - 0.022 + 0.02 * people.normal("wear").clamp(-1, 1)
     covered = 0.016 - (y - middle).abs()
     leather = torch.tensor([0.16, 0.09, 0.05]).to(x) * (0.4 + 1.8 * people.measure("wear")[..., None])
@@ -161,7 +164,7 @@ def belt(places: Places, people: People) -> Layer:
 
 def skirt_sdf(places: Places, flare: Tensor, end: Tensor, ease: Tensor | float, phases: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
     """A flared rounded prism around both legs from the waist down to height `end`, its underside hollow; and its fold pattern."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     below = (WAIST_Y - y).clamp(min=0)
     half = 0.150 + 0.062 * ramp(below, 0.0, 0.28) + (0.42 * (below - 0.2).clamp(min=0)) + flare * 0.28 * below + ease
     deep = 0.112 + 0.020 * ramp(below, 0.02, 0.2) + flare * 0.30 * below + ease
@@ -178,7 +181,7 @@ def skirt_sdf(places: Places, flare: Tensor, end: Tensor, ease: Tensor | float, 
 
 def skirt(places: Places, people: People) -> Layer:
     """Skirts, and the lower half of dresses."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     end = WAIST_Y - people.between("skirt_length", 0.36, 0.95)
     sdf, wave = skirt_sdf(places, people.between("flare", 0.05, 0.75), end, 0.004, (people.measure("fold_a"), people.measure("fold_b")))
     dress = has_dress(people)
@@ -195,12 +198,12 @@ def skirt(places: Places, people: People) -> Layer:
 
 def outer(places: Places, people: People) -> Layer:
     """Jacket, cardigan or coat, open in front or closed; coats reach to the thighs or knees."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     coat = people.choice("outer_b")
     openness = people.choice("collar_b")
     hem = torch.where(coat > 0.5, people.between("outer_length", -0.42, -0.12), people.between("outer_length", -0.04, 0.06))
     crease = creases(places, people)
-    thick = 0.017 + 0.006 * people.measure("thickness") + 0.004 * crease * (0.4 + people.measure("ease"))
+    thick = 0.019 + 0.006 * people.measure("thickness") + 0.004 * crease * (0.4 + people.measure("ease"))
     body = smooth_min(places.closed, sleeve_cone(x, y, z, 0.068 - 0.016 * ramp(x.abs(), 0.3, 0.7)) + thick, 0.02)
     tail, _ = skirt_sdf(places, 0.12 * torch.ones_like(hem), hem, 0.020, (people.measure("fold_a"), people.measure("fold_b")))
     width = 0.02 + 0.055 * people.measure("collar_height") + 0.05 * ramp(-y, -0.45, 0.1)
@@ -231,7 +234,8 @@ def shoes(places: Places, people: People) -> Layer:
     """Sneakers, boots, flats or leather shoes: the closed foot with a sole."""
     lateral, down, depth = places.leg[..., 0], -places.leg[..., 1], places.leg[..., 2]
     kind = people.kind("shoe_a", "shoe_b")  # 0 sneakers, 1 boots, 2 flats, 3 leather shoes
-    shaft = torch.where(kind == 1, people.between("leg_length", 0.16, 0.34), 0.055 + 0.03 * (kind == 0))
+    tall = 0.14 + 0.22 * people.measure("leg_length") * has_skirt(people)
+    shaft = torch.where(kind == 1, tall, 0.055 + 0.03 * (kind == 0))
     ground = FLOOR + SOLE
     opening = torch.where(kind == 2, 0.020 + 0.035 * ramp(0.05 - depth, 0, 0.1), shaft)
     covered = torch.minimum(down - (FLOOR - opening), ground - down)

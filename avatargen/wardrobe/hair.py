@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from avatargen.wardrobe.attributes import People
-from avatargen.wardrobe.chart import Places
+from avatargen.wardrobe.chart import Places, tailor
 from avatargen.wardrobe.layers import Layer, bump, mix, ramp, smooth_min
 from avatargen.wardrobe.skin import hair_tone
 
@@ -44,7 +44,7 @@ def capsule(x: Tensor, y: Tensor, z: Tensor, a: tuple[float, float, float], b: t
 
 def curtain_sdf(places: Places, people: People, end: Tensor) -> Tensor:
     """Hair hanging from the skull behind the face down to height `end`, over neck and back."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     sway = 0.0025 * torch.sin(x * 150 + 6.28 * people.measure("fold_a"))
     skull = torch.sqrt(x**2 + ((z - CROWN[2]) * 0.93) ** 2 + ((y - CROWN[1]) * ramp(y, 0.70, 0.76) * 0.98) ** 2 + 1e-10)
     fall = ramp(-y, -0.72, -0.50)
@@ -58,13 +58,13 @@ def curtain_sdf(places: Places, people: People, end: Tensor) -> Tensor:
 
 def hair(places: Places, people: People) -> Layer:
     """All hair above the face."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     side, top, curtain, knot = style(people)
     raised = people.between("hairline", -0.008, 0.012) - 0.030 * people.choice("fringe") * (curtain + people.choice("woman") > 0.5)
     inside = scalp(x, y, z, raised)
     strands = torch.sin(torch.atan2(x, CROWN[2] - z + 1e-6) * 22 + 3 * torch.sin(y * 40) + 6.28 * people.measure("fold_b"))
     thick = side + (top - side) * ramp(y, 0.70, 0.79) + 0.0012 * strands * (side > 0.006)
-    thick = thick * ramp(inside, -0.002, 0.022).clamp(min=0.12)
+    thick = thick * ramp(inside, -0.002, 0.010 + 1.3 * thick).clamp(min=0.12)
     shell = torch.maximum(places.body - thick, -inside)
     length = torch.where(curtain > 1.5, 0.56 - 0.30 * people.measure("hair_length"), 0.655 - 0.06 * people.measure("hair_length"))
     shell = torch.where(curtain > 0.5, smooth_min(shell, curtain_sdf(places, people, length), 0.012), shell)
@@ -80,7 +80,7 @@ def hair(places: Places, people: People) -> Layer:
 
 def beanie(places: Places, people: People) -> Layer:
     """A knitted hat with a rolled brim, over the hair."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     rim = y - (0.742 + 0.012 * ramp(z, 0.0, 0.12))
     knit = 0.0006 * torch.sin(torch.atan2(x, z - CROWN[2] + 1e-6) * 36)
     skull = torch.sqrt((x / 0.098) ** 2 + ((y - 0.725) / 0.128) ** 2 + ((z - CROWN[2]) / 0.124) ** 2 + 1e-10)

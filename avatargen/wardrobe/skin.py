@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from avatargen.wardrobe.attributes import People
-from avatargen.wardrobe.chart import Places
+from avatargen.wardrobe.chart import Places, tailor
 from avatargen.wardrobe.layers import Layer, bump, mix, ramp
 
 EYE_X, EYE_Y = 0.0325, 0.7114
@@ -46,7 +46,7 @@ def hair_tone(people: People) -> Float[Tensor, "B 1 3"]:
 
 def skin(places: Places, people: People) -> Layer:
     """The bare body with a painted face."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     tone = skin_tone(people)
     color = tone.expand(*x.shape, 3)
     front = ramp(z, 0.085, 0.11) * ramp(y, 0.57, 0.60)
@@ -90,7 +90,7 @@ def lips(color: Tensor, tone: Tensor, x: Tensor, y: Tensor, front: Tensor, peopl
 
 def eyes(color: Tensor, tone: Tensor, places: Places, people: People, front: Tensor) -> Tensor:
     """Sclera, iris, pupil, a glint and the lash line; `places.eye` knows the lids exactly."""
-    x, y, _ = places.p.unbind(-1)
+    x, y, _ = tailor(places.p)
     ball = ramp(places.eye, 0.35, 0.75)
     r = torch.sqrt((x.abs() - EYE_X) ** 2 + (y - EYE_Y) ** 2 + 1e-12)
     iris = along(EYE_HUES, people.measure("eye_hue")) * (0.8 + 0.7 * people.measure("eye_light")[..., None])
@@ -131,13 +131,14 @@ def full_beard(people: People) -> Tensor:
 
 def beard(places: Places, people: People) -> Tensor:
     """Cover of stubble (faint), moustache or full beard, 0..1."""
-    x, y, z = places.p.unbind(-1)
+    x, y, z = tailor(places.p)
     kind = people.kind("beard_a", "beard_b")
     man = 1 - people.choice("woman")
-    edge = 0.655 - 0.05 * ramp(-z, -0.125, -0.05) + 0.045 * ramp(-z, -0.085, -0.05)  # cheek line down the jaw, then sideburns
-    jaw = ramp(edge - y, -0.002, 0.004) * ramp(y, 0.575, 0.585) * ramp(z, 0.045, 0.055)
+    cheek = 0.651 + 0.055 * ramp(0.090 - z, 0, 0.035)  # rises into the sideburns
+    throat = 0.588 + 0.35 * (0.11 - z).clamp(min=0)  # follows the jaw
+    jaw = ramp(cheek - y, -0.007, 0.008) * ramp(y - throat, -0.006, 0.006) * ramp(z, 0.040, 0.055)
     upper = ramp(0.0115 - (y - 0.6525).abs() - 0.12 * x.abs(), 0.0035, 0.0065) * ramp(0.03 - x.abs(), 0, 0.004) * ramp(z, 0.1, 0.11)
     cover = torch.maximum(jaw, upper)
-    stubble = 0.35 * (kind == 1).to(x) * cover
+    stubble = 0.22 * (kind == 1).to(x) * cover
     moustache = 0.9 * (kind == 2).to(x) * upper
     return man * (stubble + moustache + 0.93 * (kind == 3).to(x) * cover)
