@@ -1,7 +1,8 @@
 """The asset: one rigged, textured person, with everything an exporter needs and what it cost to make.
 
-Letters: W vertices after the texture's seams have split them, F faces, J joints, S texels along a side. Metres, y up,
-facing +z; uv origin at the texture's top left, as in glTF. The vertices stand in the skeleton's rest pose.
+Letters: W vertices after the texture's seams have split them, F faces, J joints, S texels along a side.
+Metres, y up, facing +z; uv origin at the texture's top left, as in glTF. The vertices stand in the
+skeleton's rest pose.
 """
 
 from dataclasses import dataclass, field

@@ -18,7 +18,7 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from assets.field import Field, ask
-from assets.surface import Surface, directed_edges, face_normals, vertex_normals
+from assets.surface import Surface, directed_edges, edge_lengths, face_normals, vertex_normals
 
 PATTERN = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6  # barycentric coordinates on every face
 PROBE = 1e-3  # metres along the normal, for the field's slope
@@ -105,7 +105,7 @@ def mean_slope(
 def shortest_edges(surface: Surface) -> Float64[np.ndarray, " V"]:
     """Length of the shortest edge at each vertex, metres."""
     edges = directed_edges(surface.faces)
-    length = np.linalg.norm(surface.vertices[edges[:, 0]] - surface.vertices[edges[:, 1]], axis=1)
+    length = edge_lengths(surface, edges)
     shortest = np.full(len(surface.vertices), np.inf)
     np.minimum.at(shortest, edges[:, 0], length)
     np.minimum.at(shortest, edges[:, 1], length)

@@ -86,6 +86,11 @@ def directed_edges(faces: Int64[np.ndarray, "F 3"]) -> Int64[np.ndarray, "E 2"]:
     return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
+def edge_lengths(surface: Surface, edges: Int64[np.ndarray, "E 2"]) -> Float64[np.ndarray, " E"]:
+    """Metres."""
+    return np.linalg.norm(surface.vertices[edges[:, 0]] - surface.vertices[edges[:, 1]], axis=1)
+
+
 def opposite_edges(faces: Int64[np.ndarray, "F 3"], vertex_count: int) -> Int64[np.ndarray, " E"]:
     """For each directed edge the index of its one opposite, or -1 where it has none or several, or is itself
     repeated."""
