@@ -79,6 +79,21 @@ def test_a_point_on_a_vertex_is_at_zero():
     assert np.abs(hit.distance).max() < 1e-7
 
 
+def test_faces_without_area_do_no_harm():
+    """Splitting an edge at a point adds a face without area; distances stay those of the mesh."""
+    mesh = MESHES["box"]
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
+    a, b, c = faces[0]
+    middle = (vertices[a] + vertices[b]) / 2
+    m = len(vertices)
+    split = np.concatenate([faces[1:], [[a, m, c], [m, b, c], [a, b, m]]])
+    points = np.random.default_rng(3).uniform(-0.6, 0.6, size=(2000, 3))
+    hit = BodyDistance(np.concatenate([vertices, [middle]]), split).query(points)
+
+    assert np.abs(hit.distance - BodyDistance(vertices, faces).query(points).distance).max() < 1e-6
+    assert np.isfinite(hit.barycentric).all()
+
+
 def test_bad_input_is_refused():
     mesh = MESHES["box"]
     distance = BodyDistance(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64))

@@ -13,6 +13,7 @@ from jaxtyping import Float, Float32, Float64, Int64
 from avatargen.errors import FieldError, InputError
 
 ON_EDGE = 1e-9  # barycentric coordinate under which a closest point counts as on the opposite edge
+FLAT = 1e-14  # squared sine of the angle under which a face counts as without area
 CELL = 0.02  # metres; points nearer than this to their predecessor count as coherent
 COHERENCE_SAMPLE = 4096
 
@@ -96,10 +97,15 @@ class BodyDistance:
 
 
 def barycentric_gradients(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 3 3"]:
-    """Each face's first corner, and the gradients of its second and third barycentric coordinates."""
+    """Each face's first corner, and the gradients of its second and third barycentric coordinates.
+
+    A face without area has gradients of zero: its points count as at its first corner.
+    """
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     uu, uv, vv = (dot(*pair)[:, None] for pair in ((u, u), (u, v), (v, v)))
-    scale = 1 / np.maximum(uu * vv - uv * uv, 1e-300)
+    area = uu * vv - uv * uv
+    flat = ~(area > FLAT * uu * vv)
+    scale = np.where(flat, 0.0, 1 / np.where(flat, 1.0, area))
     return np.stack([a, (vv * u - uv * v) * scale, (uu * v - uv * u) * scale], axis=1)
 
 
