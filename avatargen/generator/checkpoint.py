@@ -49,8 +49,18 @@ def save_checkpoint(generator: AvatarGenerator, path: str | Path, notes: dict[st
         "config": json.dumps(dataclasses.asdict(generator.config)),
         "notes": json.dumps(notes or {}),
     }
-    write_atomically(path, save(tensors, metadata))
+    write_atomically(path, in_fixed_order(save(tensors, metadata)))
     return weights_hash(tensors)
+
+
+def in_fixed_order(file: bytes) -> bytes:
+    """The same safetensors file with its metadata sorted: the library writes them in an order of chance."""
+    length = int.from_bytes(file[:8], "little")
+    header = json.loads(file[8 : 8 + length])
+    header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+    text = json.dumps(header, separators=(",", ":")).encode()
+    text = text.ljust(-len(text) % 8 + len(text))  # tensors stay aligned to 8 bytes
+    return len(text).to_bytes(8, "little") + text + file[8 + length :]
 
 
 def load_checkpoint(path: str | Path) -> Checkpoint:
@@ -136,6 +146,8 @@ def from_json(kind: typing.Any, value: typing.Any) -> typing.Any:
         TypeError: an unknown field, or a value of the wrong type.
     """
     if dataclasses.is_dataclass(kind):
+        if not isinstance(value, dict):
+            raise TypeError(f"{value!r} is no set of settings")
         types = typing.get_type_hints(kind)
         if unknown := set(value) - set(types):
             raise TypeError(f"unknown settings {sorted(unknown)}")
