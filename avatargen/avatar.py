@@ -106,7 +106,7 @@ class Avatar:
         parts = []
         for outer in points.to(device, torch.float32).split(QUERY_CHUNK):
             near = body_points(self.field.distance.query(outer.cpu().numpy()), faces)
-            for start in range(0, len(outer), FIELD_CHUNK):
+            for start in range(0, max(len(outer), 1), FIELD_CHUNK):  # no points are one empty chunk
                 part = slice(start, start + FIELD_CHUNK)
                 body = BodyPoints(
                     distance=near.distance[:, part],

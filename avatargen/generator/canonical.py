@@ -1,7 +1,7 @@
 """Pose-guided canonical mapping (section 3.3): points near a posed body back to the canonical space.
 
 A point takes the affine map of its nearest posed body vertices, blended by inverse distance. A vertex's map
-undoes its skinning, swaps the shape and pose blend shapes that moved it for the canonical ones, and applies the
+undoes its skinning, swaps the blend shapes that moved it for the canonical ones, and applies the
 canonical pose's skinning: posed vertices return exactly to the canonical ones.
 
 Letters: N points, K nearest vertices, V vertices. Metres.

@@ -1,0 +1,113 @@
+"""Volume rendering against analytic answers, and the geometry of cameras and rays."""
+
+import numpy as np
+import pytest
+import torch
+
+from avatargen.generator.camera import Camera, camera_of_vector, front_camera, rays
+from avatargen.generator.renderer import Samples, box_interval, composite, stratify
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.3, 5.0, 4000.0])
+def test_a_uniform_slab_lets_through_exp_of_its_optical_depth(sigma: float):
+    near, far = torch.tensor([1.0]).double(), torch.tensor([3.0]).double()
+    samples = stratify(near, far, 7, torch.Generator().manual_seed(0))
+    rendering = composite(
+        torch.full((1, 7), sigma, dtype=torch.float64), torch.ones(1, 7, 2).double(), samples, far
+    )
+    seen = 1 - np.exp(-sigma * 2.0)
+    assert rendering.mask.item() == pytest.approx(seen, abs=1e-12)
+    assert rendering.features[0].tolist() == pytest.approx([seen, seen], abs=1e-12)
+
+
+def test_mean_depth_in_fog_converges_to_its_integral():
+    near, far, sigma = torch.tensor([1.0]).double(), torch.tensor([3.0]).double(), 1.7
+    samples = stratify(near, far, 4000)
+    rendering = composite(
+        torch.full((1, 4000), sigma, dtype=torch.float64), torch.zeros(1, 4000, 1).double(), samples, far
+    )
+    # integral of t sigma exp(-sigma (t - 1)) from 1 to 3, plus what passes times far
+    expected = 1 + (1 - np.exp(-2 * sigma)) / sigma
+    assert rendering.depth.item() == pytest.approx(expected, abs=1e-5)
+
+
+def test_composite_matches_a_slow_float64_loop():
+    draw = torch.Generator().manual_seed(0)
+    near = torch.rand(5, generator=draw)
+    far = near + torch.rand(5, generator=draw)
+    samples = stratify(near, far, 12, draw)
+    sigma = torch.rand(5, 12, generator=draw) * 30
+    features = torch.rand(5, 12, 4, generator=draw)
+    rendering = composite(sigma, features, samples, far)
+    for ray in range(5):
+        passed, total = 1.0, np.zeros(4)
+        for i in range(12):
+            alpha = 1 - np.exp(-float(sigma[ray, i]) * float(samples.width[ray]))
+            total += passed * alpha * features[ray, i].double().numpy()
+            passed *= 1 - alpha
+        assert np.abs(rendering.features[ray].numpy() - total).max() < 1e-5
+        assert rendering.mask[ray].item() == pytest.approx(1 - passed, abs=1e-5)
+
+
+def test_an_opaque_wall_hides_what_is_behind():
+    samples = Samples(depth=torch.tensor([[1.0, 2.0, 3.0]]), width=torch.tensor([1.0]))
+    sigma, features = torch.tensor([[0.0, 1e9, 1e9]]), torch.eye(3)[None]
+    rendering = composite(sigma, features, samples, torch.tensor([3.5]))
+    assert rendering.features[0].tolist() == [0.0, 1.0, 0.0]
+    assert rendering.depth.item() == 2.0
+
+
+def test_rays_that_miss_see_nothing_and_get_no_samples():
+    box = torch.tensor([[-1.0, -1, -1], [1, 1, 1]])
+    origin = torch.tensor([[0.0, 0, 5], [0, 3, 5], [0, 0, 5], [0, 0, 0]])
+    direction = torch.tensor([[0.0, 0, -1], [0, 0, -1], [0, 0, 1], [0, 0, 1]])
+    near, far = box_interval(origin, direction, box)
+    assert near.tolist()[0] == 4
+    assert far.tolist()[0] == 6
+    assert (far - near)[1:3].tolist() == [0, 0]  # beside, and behind
+    assert (near[3], far[3]) == (0, 1)  # from within
+    samples = stratify(near, far, 3)
+    rendering = composite(torch.full((4, 3), 1e6), torch.ones(4, 3, 1), samples, far)
+    assert rendering.mask.tolist() == [1, 0, 0, 1]
+
+
+def test_stratified_samples_stay_in_their_bins():
+    near, far = torch.zeros(1000), torch.ones(1000) * 2
+    samples = stratify(near, far, 4, torch.Generator().manual_seed(0))
+    bins = (samples.depth / 0.5).floor()
+    assert torch.equal(bins, torch.arange(4.0).expand(1000, 4))
+    assert (samples.depth.mean(dim=0) - torch.tensor([0.25, 0.75, 1.25, 1.75])).abs().max() < 0.02
+
+
+def test_camera_vectors_keep_eg3d_order_and_rays_follow_opencv():
+    vector = torch.arange(25.0)[None]
+    camera = camera_of_vector(vector)
+    assert camera.cam2world[0, 0, 3] == 3
+    assert camera.intrinsics[0, 2, 2] == 24
+    assert torch.equal(camera.vector, vector)
+
+    front = front_camera(2)
+    origin, direction = rays(front, 4)
+    assert direction.shape == (2, 16, 3)
+    assert torch.allclose(direction.norm(dim=-1), torch.ones(2, 16))
+    assert (direction[0, :, 2] < 0).all()  # the camera looks back along -z
+    assert direction[0, 0, 1] > 0  # the first row is the top
+    assert direction[0, 0, 0] < 0  # its first pixel is at x < 0: the person's right is on the left
+    center = rays(front, 1)[1][0, 0]
+    assert torch.allclose(center, torch.tensor([0.0, 0, -1]))
+    assert torch.equal(origin[0, 0], front.cam2world[0, :3, 3])
+
+
+def test_a_point_projects_back_to_its_pixel():
+    draw = torch.Generator().manual_seed(0)
+    rotation = torch.linalg.qr(torch.randn(3, 3, generator=draw))[0]
+    cam2world = torch.eye(4)
+    cam2world[:3, :3], cam2world[:3, 3] = rotation, torch.tensor([1.0, 2, 3])
+    intrinsics = torch.tensor([[1.3, 0, 0.45], [0, 1.6, 0.55], [0, 0, 1]])
+    origin, direction = rays(Camera(cam2world=cam2world[None], intrinsics=intrinsics[None]), 5)
+    points = origin + direction * torch.rand(1, 25, 1, generator=draw) * 4
+    local = (points[0] - cam2world[:3, 3]) @ rotation
+    pixels = (local / local[:, 2:]) @ intrinsics.T
+    v, u = torch.meshgrid((torch.arange(5) + 0.5) / 5, (torch.arange(5) + 0.5) / 5, indexing="ij")
+    assert torch.allclose(pixels[:, 0], u.flatten(), atol=1e-4)
+    assert torch.allclose(pixels[:, 1], v.flatten(), atol=1e-4)
