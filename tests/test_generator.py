@@ -54,8 +54,10 @@ def test_an_untrained_picture_is_the_posed_body(surface: CanonicalSurface):
     assert (picture.mask[0][depth < -0.02] > 0.95).all()
     assert (picture.mask[0][depth > 0.03] < 0.01).all()
     along = -rays(front_camera(), 32)[1][0, :, 2].unflatten(0, (32, 32))
-    before = (picture.depth[0] * along)[picture.mask[0] > 0.99]  # the body is about 3.2 m before the camera
-    assert 3.0 < before.min() < before.max() < 3.35
+    before = (picture.depth[0] * along)[
+        picture.mask[0] > 0.99
+    ]  # 3.2 m before the camera; the bent shin is farther
+    assert 3.0 < before.min() < before.max() < 3.5
     assert (picture.raw[0, :, picture.mask[0] == 0] == 1).all()  # white behind
 
 
