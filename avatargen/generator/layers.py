@@ -80,10 +80,10 @@ class ModulatedConv(nn.Module):
         style = self.style(w)
         weight = self.weight * self.gain
         y = F.conv2d(x * style[:, :, None, None], weight, padding=weight.shape[-1] // 2)
-        if self.demodulate:
-            power = style.square() @ weight.square().sum(dim=(2, 3)).T  # B o
-            y = y * (power + 1e-8).rsqrt()[:, :, None, None]
-        return y + self.bias[:, None, None]
+        if not self.demodulate:
+            return y + self.bias[:, None, None]
+        power = style.square() @ weight.square().sum(dim=(2, 3)).T  # B o
+        return torch.addcmul(self.bias[:, None, None], y, (power + 1e-8).rsqrt()[:, :, None, None])
 
 
 def upsample(x: Float[Tensor, "B C h v"]) -> Float[Tensor, "B C h2 v2"]:
