@@ -1,0 +1,115 @@
+"""The base colour texture: ask the field for the colour at each texel's place on the surface.
+
+Beyond the charts' edges the faces go on flat for as far as bilinear filtering reaches; the rest takes the
+nearest texel's colour, so that neither filtering nor smaller copies of the texture bring in anything else.
+
+Letters: F faces, W split vertices, S texels along a side, N texels. uv origin and row 0 at the top left, as
+in glTF.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64, UInt8
+from scipy.ndimage import distance_transform_edt
+
+from assets.atlas import Atlas
+from assets.field import Field, ask
+from assets.raster import coordinates, rasterise
+from assets.surface import Surface
+from avatargen.errors import InputError
+
+# texels from a covered texel's centre to the farthest one that bilinear filtering mixes in
+FILTER_REACH = 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeConfig:
+    """The texture's size, and `samples` x `samples` questions a texel."""
+
+    texture_size: int = 1024
+    samples: int = 1
+
+    def __post_init__(self) -> None:
+        if not 16 <= self.texture_size <= 16384 or not 1 <= self.samples <= 8:
+            raise InputError(
+                f"bake: a texture of {self.texture_size} texels with {self.samples} samples; "
+                "choose 16 to 16384 and 1 to 8"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Texture:
+    """sRGB texels and the share of them that faces cover."""
+
+    texels: UInt8[np.ndarray, "S S 3"]
+    coverage: float
+
+
+def bake(
+    surface: Surface, atlas: Atlas, color: Field, config: BakeConfig | None = None
+) -> UInt8[np.ndarray, "S S 3"]:
+    """The texture of `color` (points -> sRGB in 0..1) over the surface.
+
+    Raises:
+        FieldError: a colour is NaN or infinite.
+    """
+    return bake_texture(surface, atlas, color, config or BakeConfig()).texels
+
+
+def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfig) -> Texture:
+    """`bake` with the texture's coverage. Raises the same errors."""
+    size = config.texture_size
+    triangles = atlas.uv[atlas.faces].astype(np.float64) * size
+    face = cover_texels(triangles, size)
+    covered = face >= 0
+    distance = np.zeros((size, size))
+    nearest = np.zeros((2, size, size), dtype=np.int32)
+    distance_transform_edt(~covered, return_indices=True, distances=distance, indices=nearest)
+    nearest = (nearest[0] * size + nearest[1]).reshape(-1)
+    face = face.reshape(-1)[nearest]
+    asked = np.flatnonzero(distance.reshape(-1) <= FILTER_REACH)
+    colors = np.zeros((size * size, 3))
+    for offset in sample_offsets(config.samples):
+        points = texel_points(surface, triangles, face[asked], asked, size, offset)
+        colors[asked] += ask(color, points, 3)
+    texels = np.rint(255 * np.clip(colors / config.samples**2, 0, 1)).astype(np.uint8)
+    beyond = np.flatnonzero(distance.reshape(-1) > FILTER_REACH)
+    texels[beyond] = texels[nearest[beyond]]
+    return Texture(texels=texels.reshape(size, size, 3), coverage=float(covered.mean()))
+
+
+def sample_offsets(samples: int) -> Float64[np.ndarray, "K 2"]:
+    """Offsets from a texel's centre of an even grid of samples, in texels."""
+    along = (np.arange(samples) + 0.5) / samples - 0.5
+    return np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+
+
+def cover_texels(triangles: Float64[np.ndarray, "F 3 2"], size: int) -> Int64[np.ndarray, "S S"]:
+    """The face of each texel, -1 for none: the one over its centre, or one that is too small to be over any
+    centre."""
+    face = np.full(size * size, -1, dtype=np.int64)
+    for fragments in rasterise(triangles, size, size):
+        face[fragments.pixel] = fragments.triangle
+    for places in (triangles.mean(axis=1), *triangles.transpose(1, 0, 2)):
+        texel = np.clip(np.floor(places), 0, size - 1).astype(np.int64) @ [1, size]
+        empty = face[texel] < 0
+        face[texel[empty]] = np.flatnonzero(empty)
+    return face.reshape(size, size)
+
+
+def texel_points(
+    surface: Surface,
+    triangles: Float64[np.ndarray, "F 3 2"],
+    face: Int64[np.ndarray, " N"],
+    texel: Int64[np.ndarray, " N"],
+    size: int,
+    offset: Float64[np.ndarray, "2"],
+) -> Float64[np.ndarray, "N 3"]:
+    """Where texels lie on their faces' planes, metres; never farther beyond a face than its own size."""
+    centres = np.stack([texel % size, texel // size], axis=1) + 0.5 + offset
+    # a face without area: its middle
+    from_middle = np.nan_to_num(coordinates(triangles, face, centres) - 1 / 3)
+    farthest = np.maximum(np.abs(from_middle).max(axis=1, keepdims=True), 1)
+    barycentric = 1 / 3 + from_middle / farthest
+    return np.einsum("nc,ncd->nd", barycentric, surface.vertices[surface.faces[face]])

@@ -1,0 +1,43 @@
+"""Run xatlas on meshes: a program of its own, so that its time can be limited and a crash stays outside.
+
+Standard input holds an .npz: `resolution`, `padding`, and for each mesh i `positions_i` [V 3] and `faces_i`
+[F 3]. Standard output is an .npz: `size` (of the atlas, texels) and for each mesh `vertices_i` (index into
+its input), `faces_i` and `uv_i` (texels). Imports nothing of this package, so that it starts quickly.
+"""
+
+import io
+import sys
+
+import numpy as np
+import xatlas
+
+
+def unwrap(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Charts for all meshes, packed together."""
+    atlas = xatlas.Atlas()
+    count = sum(name.startswith("positions_") for name in arrays)
+    for index in range(count):
+        atlas.add_mesh(arrays[f"positions_{index}"], arrays[f"faces_{index}"])
+    pack = xatlas.PackOptions()
+    pack.resolution = int(arrays["resolution"])
+    pack.padding = int(arrays["padding"])
+    pack.bilinear = True
+    atlas.generate(xatlas.ChartOptions(), pack, False)
+    result = {"size": np.array([atlas.width, atlas.height])}
+    scale = np.array([atlas.width, atlas.height], dtype=np.float64)
+    for index in range(count):
+        vertices, faces, uv = atlas[index]
+        result |= {f"vertices_{index}": vertices, f"faces_{index}": faces, f"uv_{index}": uv * scale}
+    return result
+
+
+def main() -> None:
+    with np.load(io.BytesIO(sys.stdin.buffer.read())) as file:
+        arrays = {name: file[name] for name in file.files}
+    stream = io.BytesIO()
+    np.savez(stream, **unwrap(arrays))  # pyright: ignore
+    sys.stdout.buffer.write(stream.getvalue())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+import torch
+from shapes import icosphere
+from test_atlas import parts_of, small_person
+
+from assets.atlas import AtlasConfig, plain_atlas, unwrap
+from assets.bake import BakeConfig, bake, bake_texture
+from assets.measure import sample_surface
+from assets.raster import rasterise
+from avatargen.errors import FieldError, InputError
+
+
+def linear(points):
+    return 0.5 + points @ torch.tensor([[0.3, 0.1, 0.0], [0.0, 0.3, -0.2], [0.1, 0.0, 0.3]])
+
+
+def bilinear(texture, uv):
+    """What a graphics card reads at uv with linear filtering and clamped edges."""
+    size = len(texture)
+    place = np.clip(uv.astype(np.float64) * size - 0.5, 0, size - 1)
+    low = np.minimum(np.floor(place).astype(int), size - 2)
+    t = place - low
+    total = 0.0
+    for dx in (0, 1):
+        for dy in (0, 1):
+            share = np.where(dx, t[:, 0], 1 - t[:, 0]) * np.where(dy, t[:, 1], 1 - t[:, 1])
+            total = total + share[:, None] * texture[low[:, 1] + dy, low[:, 0] + dx]
+    return total
+
+
+@pytest.mark.parametrize(("shape", "size"), [("sphere", 256), ("sphere", 300), ("person", 512)])
+@pytest.mark.parametrize("kind", ["charts", "plain"])
+def test_filtered_texture_gives_a_linear_colour_back(shape, size, kind):
+    surface = icosphere(0.8, rounds=3) if shape == "sphere" else small_person()
+    make = unwrap if kind == "charts" else lambda *args: plain_atlas(*args, reason="wanted")
+    atlas = make(surface, parts_of(surface), AtlasConfig(texture_size=size))
+    texture = bake(surface, atlas, linear, BakeConfig(texture_size=size))
+
+    assert texture.shape == (size, size, 3)
+    face, barycentric = sample_surface(surface, 20_000, seed=0)
+    uv = np.einsum("nc,ncd->nd", barycentric, atlas.uv[atlas.faces[face]])
+    points = np.einsum("nc,ncd->nd", barycentric, surface.vertices[surface.faces[face]])
+    wanted = 255 * linear(torch.from_numpy(points.astype(np.float32))).numpy()
+    error = np.abs(bilinear(texture, uv) - wanted).max(axis=1)
+    limit = 2 if kind == "charts" else 6  # faces alone are a few texels wide
+    assert np.quantile(error, 0.999) < limit
+
+
+def test_no_texel_is_left_unset():
+    surface = icosphere(0.8, rounds=2)
+    atlas = unwrap(surface, parts_of(surface), AtlasConfig(texture_size=128))
+    red = lambda points: torch.tensor([1.0, 0.5, 0.25]).expand(len(points), 3)  # noqa: E731
+    texture = bake_texture(surface, atlas, red, BakeConfig(texture_size=128))
+    assert (texture.texels == [255, 128, 64]).all()
+    assert 0.3 < texture.coverage < 1
+
+
+def test_row_zero_is_the_top():
+    surface = icosphere(0.8, rounds=3)
+    atlas = unwrap(surface, parts_of(surface), AtlasConfig(texture_size=128))
+    asked = []
+
+    def watch(points):
+        asked.append(points)
+        return linear(points)
+
+    texture = bake(surface, atlas, watch, BakeConfig(texture_size=128))
+    face = atlas.faces[np.argmin(atlas.uv[atlas.faces].mean(axis=1)[:, 1])]  # nearest the top
+    u, v = atlas.uv[face].mean(axis=0)
+    point = surface.vertices[atlas.vertex_map[face]].mean(axis=0)
+    wanted = 255 * linear(torch.from_numpy(point[None].astype(np.float32))).numpy()[0]
+    assert v < 0.5
+    assert np.abs(texture[int(v * 128), int(u * 128)] - wanted).max() < 6
+
+
+def test_more_samples_average_fine_patterns():
+    surface = icosphere(0.8, rounds=3)
+    atlas = unwrap(surface, parts_of(surface), AtlasConfig(texture_size=64))
+    stripes = lambda points: ((points[:, 1:2] * 40).floor() % 2).expand(-1, 3)  # noqa: E731
+    one, many = (bake(surface, atlas, stripes, BakeConfig(texture_size=64, samples=n)) for n in (1, 4))
+    assert set(np.unique(one)) == {0, 255}
+    assert len(np.unique(many)) > 5
+
+
+def test_colours_out_of_range_are_clipped_and_nan_is_named():
+    surface = icosphere(0.8, rounds=1)
+    atlas = unwrap(surface, parts_of(surface), AtlasConfig(texture_size=64))
+    config = BakeConfig(texture_size=64)
+    assert bake(surface, atlas, lambda points: linear(points) * 0 + 7, config).min() == 255
+    with pytest.raises(FieldError, match="NaN"):
+        bake(surface, atlas, lambda points: linear(points) * torch.nan, config)
+
+
+def test_rasterising_equals_asking_each_pixel():
+    rng = np.random.default_rng(0)
+    triangles = rng.random((40, 3, 2)) * 50 - 5
+    found = set()
+    for fragments in rasterise(triangles, 40, 30):
+        assert fragments.barycentric.sum(axis=1) == pytest.approx(1)
+        found |= set(zip(fragments.triangle.tolist(), fragments.pixel.tolist(), strict=True))
+    wanted = set()
+    for t, (a, b, c) in enumerate(triangles):
+        turn = np.sign(np.cross(np.append(b - a, 0), np.append(c - a, 0))[2])
+        for y in range(30):
+            for x in range(40):
+                p = np.array([x + 0.5, y + 0.5])
+                sides = [
+                    turn * ((q - o)[0] * (p - o)[1] - (q - o)[1] * (p - o)[0])
+                    for o, q in ((a, b), (b, c), (c, a))
+                ]
+                if min(sides) >= 0:
+                    wanted.add((t, y * 40 + x))
+    assert found == wanted
+
+
+@pytest.mark.parametrize("values", [{"texture_size": 4}, {"samples": 0}, {"samples": 50}])
+def test_settings_out_of_range(values):
+    with pytest.raises(InputError):
+        BakeConfig(**values)
