@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from avatargen.avatar import shipped
+from avatargen.body.load import load_body
 from avatargen.body.model import pose, shape
+from avatargen.body.pose import named_pose
 from avatargen.body.skinning import skin, unskin
 from tests.bodies import capsule_body
 
@@ -33,3 +36,12 @@ def test_opposite_rotations_fall_back_to_the_heavier_joint():
 def test_no_points_is_no_problem():
     assert skin(np.zeros((0, 3)), np.zeros((0, 2)), np.stack([np.eye(4)] * 2)).shape == (0, 3)
     assert unskin(np.zeros((0, 3)), np.zeros((0, 2)), np.stack([np.eye(4)] * 2)).shape == (0, 3)
+
+
+@pytest.mark.parametrize("name", ["x", "t", "a"])
+def test_the_shipped_body_returns_from_its_named_poses(name: str):
+    body = load_body(shipped("body.npz"))
+    shaped = shape(body, np.linspace(-2, 2, body.shapedirs.shape[2]))
+    posed = pose(body, shaped, named_pose(name, body.joint_names))
+
+    assert np.abs(unskin(posed.vertices, body.weights, posed.T_posed_rest) - shaped.vertices).max() < 1e-5
