@@ -186,8 +186,8 @@ PRESETS = {"debug": DEBUG, "shipped": SHIPPED, "paper": PAPER}
 def for_body(
     config: GeneratorConfig, body: CanonicalBody, margin: tuple[float, float, float] = (0.1, 0.1, 0.24)
 ) -> GeneratorConfig:
-    """Fit a preset to a body: its box with a margin in metres per axis (skirts reach far along z), counts, hash, and the warp that favours its
-    head.
+    """Fit a preset to a body: its box with a margin in metres per axis (skirts reach far along z), counts,
+    hash, and the warp that favours its head.
 
     Raises:
         InputError: the margin is not positive.
