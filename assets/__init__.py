@@ -1,0 +1,9 @@
+"""The geometry half: from functions of points to a rigged, textured asset. Nothing here knows a network."""
+
+from assets.asset import Asset
+from assets.errors import GeometryError
+from assets.extract import ExtractConfig, extract
+from assets.pipeline import BuildConfig, build
+from assets.surface import Surface
+
+__all__ = ["Asset", "BuildConfig", "ExtractConfig", "GeometryError", "Surface", "build", "extract"]

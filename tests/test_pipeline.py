@@ -1,0 +1,191 @@
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import torch
+from bodies import capsule_body
+
+from assets import Asset, BuildConfig, build
+from assets.asset import AssetInfo, Skeleton
+from assets.errors import GeometryError
+from assets.surface import Surface, find_defects
+from avatargen.body.distance import BodyDistance
+from avatargen.body.model import CanonicalBody, canonical_body, forward_kinematics, from_rest_joints
+from avatargen.body.pose import axis_angle_to_matrix, named_pose
+from avatargen.body.skinning import skin as skin_points
+from avatargen.errors import FieldError, InputError
+
+SMALL = BuildConfig(resolution=128, faces=2000, texture=128)
+
+
+@dataclass(frozen=True)
+class Stranger:
+    """An avatar without a network: the capsule body, a little thicker, coloured by place."""
+
+    body: CanonicalBody
+    distance: BodyDistance
+    betas: np.ndarray
+    info: AssetInfo
+    thickness: float = 0.01
+
+    @property
+    def bounds(self):
+        low, high = self.body.vertices.min(axis=0) - 0.06, self.body.vertices.max(axis=0) + 0.06
+        return np.stack([low, high])
+
+    def sdf(self, points):
+        return torch.from_numpy(self.distance.query(points.numpy()).distance) - self.thickness
+
+    def color(self, points):
+        return 0.5 + 0.3 * torch.sin(3 * points)
+
+
+@functools.cache
+def stranger():
+    body = canonical_body(capsule_body())
+    info = AssetInfo(seed=3, weights_hash="ab" * 32, version="0.1.0", licence="CC0-1.0")
+    betas = np.array([1.0, -0.5, 0.25], dtype=np.float32)
+    return Stranger(body, BodyDistance(body.vertices, body.faces), betas, info)
+
+
+@functools.cache
+def built(pose="a"):
+    return build(stranger(), replace(SMALL, pose=pose))
+
+
+def report_of(asset):
+    assert asset.report is not None
+    return asset.report
+
+
+def welded_surface(asset, vertices=None):
+    """The asset's mesh with its seams closed again, by the index it carries."""
+    vertices = asset.vertices.astype(np.float64) if vertices is None else vertices
+    welded = np.zeros((asset.welded.max() + 1, 3))
+    welded[asset.welded] = vertices
+    return Surface(vertices=welded, faces=asset.welded[asset.faces])
+
+
+def test_an_asset_has_everything_asked_for():
+    asset = built()
+    assert abs(len(asset.faces) - 2000) <= 40
+    assert asset.texture.shape == (128, 128, 3)
+    assert asset.skeleton.joint_names == stranger().body.joint_names
+    assert asset.info == replace(stranger().info, betas=(1.0, -0.5, 0.25))
+    assert np.abs(np.linalg.norm(asset.normals, axis=1) - 1).max() < 1e-5
+    assert asset.vertices[:, 1].min() == pytest.approx(0, abs=1e-6)
+    assert not find_defects(welded_surface(asset))
+
+
+def test_the_report_says_what_it_took():
+    report = report_of(built())
+    names = [name for name, _ in report.seconds]
+    assert names == ["extract", "clean", "simplify", "skin", "measure", "rest", "atlas", "bake"]
+    assert report.total_seconds == pytest.approx(sum(dict(report.seconds).values()))
+    assert 0 < report.error.mean_mm < report.error.p99_mm < report.error.max_mm < 20
+    assert report.error.mean_mm < 0.6
+    assert any("deformation network" in reason for reason in report.left_out)
+    assert report.queries > 0
+
+
+def test_same_avatar_same_arrays():
+    first, second = build(stranger(), SMALL), build(stranger(), SMALL)
+    for name in ("vertices", "normals", "uv", "faces", "joints", "weights", "texture", "welded"):
+        assert np.array_equal(getattr(first, name), getattr(second, name)), name
+
+
+def test_seams_stay_shut_in_any_pose():
+    asset = built()
+    turns = axis_angle_to_matrix(np.random.default_rng(0).normal(size=(24, 3)) * 0.3)
+    rest = asset.skeleton.joints
+    transforms = from_rest_joints(forward_kinematics(rest, turns, asset.skeleton.parents), rest)
+    weights = np.zeros((len(asset.vertices), 24))
+    np.add.at(weights, (np.arange(len(weights))[:, None], asset.joints), asset.weights)
+    posed = skin_points(asset.vertices.astype(np.float64), weights, transforms)
+    welded = welded_surface(asset, posed)
+    assert np.array_equal(welded.vertices[asset.welded], posed)
+    assert find_defects(welded).bad_edges == 0
+
+
+def test_poses_by_name_and_by_rotations_agree():
+    rotations = named_pose("t", stranger().body.joint_names)
+    assert np.array_equal(built("t").vertices, build(stranger(), replace(SMALL, pose=rotations)).vertices)
+    assert np.ptp(built("t").vertices[:, 0]) > 1.3 * np.ptp(built("a").vertices[:, 0])
+
+
+def test_progress_is_told_of_every_stage():
+    told = []
+    build(stranger(), SMALL, progress=lambda stage, share: told.append((stage, share)))
+    assert [stage for stage, _ in told] == [name for name, _ in report_of(built()).seconds]
+    shares = [share for _, share in told]
+    assert shares[0] == 0
+    assert shares == sorted(shares)
+    assert shares[-1] < 1
+
+
+def test_more_faces_than_there_are_is_said():
+    asset = build(stranger(), BuildConfig(resolution=64, faces=50_000, texture=64))
+    assert len(asset.faces) < 50_000
+    assert any("only" in reason for reason in report_of(asset).left_out)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"thickness": -1.0}, GeometryError, "no surface"),
+        ({"thickness": 0.1}, GeometryError, "bounds"),
+        ({"thickness": float("nan")}, FieldError, "NaN"),
+        ({"betas": np.zeros(99, dtype=np.float32)}, InputError, "betas"),
+    ],
+)
+def test_unusable_avatars(change, error, words):
+    with pytest.raises(error, match=words):
+        build(replace(stranger(), **change), SMALL)
+
+
+@pytest.mark.parametrize("pose", ["y", np.zeros((3, 3)), np.full((24, 3), np.nan)])
+def test_unusable_poses_fail_before_any_work(pose):
+    with pytest.raises(InputError, match="pose"):
+        build(replace(stranger(), thickness=float("nan")), replace(SMALL, pose=pose))
+
+
+@pytest.mark.parametrize("values", [{"resolution": 1}, {"faces": 1}, {"texture": 1}, {"head_detail": 0.0}])
+def test_settings_out_of_range(values):
+    with pytest.raises(InputError):
+        BuildConfig(**values)
+
+
+@pytest.mark.parametrize("flaw", ["nan", "weights", "joints", "uv", "faces"])
+def test_an_asset_checks_its_parts(flaw):
+    asset = built()
+    values = {name: getattr(asset, name).copy() for name in ("vertices", "weights", "joints", "uv", "faces")}
+    if flaw == "nan":
+        values["vertices"][0, 0] = np.nan
+    if flaw == "weights":
+        values["weights"][0] *= 0.5
+    if flaw == "joints":
+        values["joints"][0, 0] = 24
+    if flaw == "uv":
+        values["uv"][0, 0] = 1.5
+    if flaw == "faces":
+        values["faces"][0, 0] = len(asset.vertices)
+    with pytest.raises(GeometryError, match="asset"):
+        replace(asset, **values)
+
+
+def test_a_skeleton_checks_its_parts():
+    transforms = np.tile(np.eye(4), (2, 1, 1))
+    with pytest.raises(GeometryError, match="parent"):
+        Skeleton(joint_names=("a", "b"), parents=np.array([1, -1]), T_world_joint=transforms)
+    with pytest.raises(GeometryError, match="names"):
+        Skeleton(joint_names=("a",), parents=np.array([-1, 0]), T_world_joint=transforms)
+
+
+def test_public_names():
+    import assets
+
+    assert sorted(assets.__all__) == sorted(
+        ["Asset", "BuildConfig", "ExtractConfig", "GeometryError", "Surface", "build", "extract"]
+    )
+    assert assets.Asset is Asset
