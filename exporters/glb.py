@@ -6,19 +6,17 @@ outside, uv origin at the texture's top left. Letters: W vertices (seams split),
 without a transform of its own.
 """
 
-import io
 from dataclasses import dataclass, field
 
 import numpy as np
 import pygltflib as gltf
-from jaxtyping import Float32, Float64, Shaped, UInt8
-from PIL import Image
+from jaxtyping import Float32, Float64, Shaped
 from scipy.spatial.transform import Rotation
 
 from assets.asset import Asset, AssetInfo, Skeleton
+from exporters.png import encode_png
 
 ROUGHNESS = 0.8  # cloth and skin scatter light; nothing on the asset is metal
-PNG_LEVEL = 3  # zlib's; above it the file shrinks by a few percent and the time doubles
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])  # quaternion x y z w
 COMPONENT_TYPES = {
     "uint8": gltf.UNSIGNED_BYTE,
@@ -163,12 +161,6 @@ def local_transforms(skeleton: Skeleton) -> Float64[np.ndarray, "J 4 4"]:
 def canonical_quaternions(transforms: Float64[np.ndarray, "J 4 4"]) -> Float64[np.ndarray, "J 4"]:
     """The rotation of each rigid transform as x y z w with w >= 0."""
     return Rotation.from_matrix(transforms[:, :3, :3]).as_quat(canonical=True)
-
-
-def encode_png(texture: UInt8[np.ndarray, "S S 3"]) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(texture).save(stream, format="PNG", compress_level=PNG_LEVEL)
-    return stream.getvalue()
 
 
 def material() -> gltf.Material:

@@ -145,7 +145,8 @@ def test_python_does_what_the_command_does(model: Model) -> None:
     ("arguments", "line"),
     [
         (["--format", "obj"], "no known suffix; use one of"),
-        (["--format", "../x"], "no known suffix"),
+        (["--format", "../x"], "--format: found '../x', wanted a suffix such as glb"),
+        (["--format", ".OBJ"], "no known suffix"),
         (["--out", "a.fbx"], "no known suffix; use one of .glb"),
         (["--pose", "handstand"], "found --pose handstand, wanted one of x, t, a or an .npz file"),
         (["--pose", "noise"], "noise"),
@@ -153,7 +154,8 @@ def test_python_does_what_the_command_does(model: Model) -> None:
         (["--weights", "cut"], "cut"),
         (["--weights", "wild"], "NaN or infinite"),
         (["--body", "noise.npz"], "noise.npz"),
-        (["--device", "quantum"], "quantum"),
+        (["--device", "quantum"], "found --device quantum, which does not work here"),
+        (["--device", "cuda:99"], "found --device cuda:99, which does not work here"),
     ],
 )
 def test_bad_input_is_one_line_and_no_file(

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from avatargen.errors import InputError
 from exporters import ENCODERS, export, glb
+from exporters.png import encode_png
 from tests.tube import chain, tube
 
 DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -211,6 +212,6 @@ def test_a_wrong_shape_raises() -> None:
     with pytest.raises(TypeCheckError):
         glb.exact_weights(np.ones((5, 3), dtype=np.float32) / 3)
     with pytest.raises(TypeCheckError):
-        glb.encode_png(np.zeros((8, 8, 4), dtype=np.uint8))
+        encode_png(np.zeros((8, 8, 4), dtype=np.uint8))
     with pytest.raises(TypeCheckError):
         type(chain(2))(joint_names=("a",), parents=np.zeros((1, 2), int), T_world_joint=np.eye(4)[None])

@@ -4,7 +4,7 @@ Only what `--help` and bad arguments need is imported here; `export_run` brings 
 """
 
 import sys
-from argparse import Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -50,7 +50,12 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         metavar="N",
         help="which person; the same seed gives the same file",
     )
-    add("--format", metavar="NAME", help="file format: glb (default: the suffix of --out, else glb)")
+    add(
+        "--format",
+        type=format_name,
+        metavar="NAME",
+        help="file format: glb (default: the suffix of --out, else glb)",
+    )
     add("--out", type=Path, metavar="FILE", help="where to write (default: avatar_SEED.FORMAT here)")
     add(
         "--report",
@@ -107,12 +112,20 @@ def export_avatar(given: Namespace) -> None:
         if source is not None and not source.is_file():
             raise InputError(f"found no file {source}; check the path")
     with progress_line() as show:
-        show("loading libraries")
+        show("loading libraries", 0.0)
         from avatargen.commands.export_run import run
 
         closing = run(given, path, show)
     print(closing, file=sys.stderr)
     print(path)
+
+
+def format_name(text: str) -> str:
+    """An argument type: a suffix, with or without its dot, in any case."""
+    name = text.removeprefix(".").lower()
+    if not (name.isascii() and name.isalnum()):
+        raise ArgumentTypeError(f"found {text!r}, wanted a suffix such as glb")
+    return name
 
 
 def output_path(given: Namespace) -> Path:

@@ -10,18 +10,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import torch
+
 import avatargen
 from assets import Asset, BuildConfig, build
-from assets.preview import preview_png
+from assets.asset import Report
+from assets.preview import render
 from avatargen.atomic import write_together
 from avatargen.avatar import Avatar
 from avatargen.body.pose import load_pose
 from avatargen.commands.progress import Show
 from avatargen.errors import InputError
 from exporters import find_encoder
+from exporters.png import encode_png
 
 STARTED = time.perf_counter()
 NAMED_POSES = ("x", "t", "a")
+# of the work, that lies behind when a stage begins
+SHARES = {"load": 0.15, "sample": 0.2, "build": 0.25, "encode": 0.95, "preview": 0.97, "write": 0.99}
 
 
 @dataclass
@@ -33,10 +39,14 @@ class Clock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        self.show(name)
+        self.show(name, SHARES[name])
         started = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - started
+
+    def show_build(self, stage: str, share: float | int) -> None:
+        """Progress inside the build, as progress of the whole."""
+        self.show(stage, SHARES["build"] + share * (SHARES["encode"] - SHARES["build"]))
 
 
 def run(given: Namespace, path: Path, show: Show) -> str:
@@ -47,31 +57,48 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     """
     encode = find_encoder(path)
     settings = build_settings(given)
+    require_device(given.device)
     clock = Clock(show, {"import": process_seconds()})
     with clock.stage("load"):
         generator = avatargen.load_generator(given.weights, body=given.body, device=given.device)
     with clock.stage("sample"):
         avatar = generator.sample(given.seed)
     config = with_pose(settings, given.pose, avatar)
-    asset = build(avatar, config, progress=show)
-    clock.seconds.update(asset.report.seconds)
+    asset, report = build_reported(avatar, config, clock)
     with clock.stage("encode"):
         data = encode(asset)
     files = [(path, data)]
     if given.preview is not None:
         with clock.stage("preview"):
-            files.append((given.preview, preview_png(asset)))
-    show("writing")
+            files.append((given.preview, encode_png(render(asset))))
+    show("write", SHARES["write"])
     total = process_seconds()
     if given.report is not None:
-        report = make_report(given, path, asset, config, len(data), clock.seconds | {"total": total})
-        files.append((given.report, json.dumps(report, indent=2).encode() + b"\n"))
+        seconds = clock.seconds | {"total": total}
+        facts = make_report(given, path, asset, report, config, len(data), seconds)
+        files.append((given.report, json.dumps(facts, indent=2).encode() + b"\n"))
     write_together(files)
-    error = asset.report.error
     return (
         f"{path}: {len(data) / 1e6:.1f} MB, {len(asset.faces):,} faces, {total:.1f} s, "
-        f"error {error.mean_mm:.3f} mm mean, {error.p99_mm:.2f} mm p99"
+        f"error {report.error.mean_mm:.3f} mm mean, {report.error.p99_mm:.2f} mm p99"
     )
+
+
+def build_reported(avatar: Avatar, config: BuildConfig, clock: Clock) -> tuple[Asset, Report]:
+    """The asset, and the report that `build` leaves in it."""
+    asset = build(avatar, config, progress=clock.show_build)
+    assert asset.report is not None  # only assets that were not built have none
+    clock.seconds.update(asset.report.seconds)
+    return asset, asset.report
+
+
+def require_device(name: str) -> None:
+    """Raises InputError where torch cannot compute on the device of that name."""
+    try:
+        torch.empty(0, device=name)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"found --device {name}, which does not work here ({reason}); use cpu") from error
 
 
 def build_settings(given: Namespace) -> BuildConfig:
@@ -94,10 +121,16 @@ def with_pose(config: BuildConfig, pose: str | None, avatar: Avatar) -> BuildCon
 
 
 def make_report(
-    given: Namespace, path: Path, asset: Asset, config: BuildConfig, size: int, seconds: dict[str, float]
+    given: Namespace,
+    path: Path,
+    asset: Asset,
+    report: Report,
+    config: BuildConfig,
+    size: int,
+    seconds: dict[str, float],
 ) -> dict[str, object]:
     """What was made, how long it took and how far the mesh is from the field, for scripts to read."""
-    error, pose = asset.report.error, config.pose
+    error, pose = report.error, config.pose
     return {
         "seed": given.seed,
         "path": str(path),
@@ -109,7 +142,7 @@ def make_report(
         "bytes": size,
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm, "max": error.max_mm},
-        "left_out": list(asset.report.left_out),
+        "left_out": list(report.left_out),
         "settings": {
             "resolution": config.resolution,
             "faces": config.faces,
