@@ -85,7 +85,9 @@ class Avatar:
         """
         decoder = self.field.generator.decoder
         return self.evaluate(
-            points, lambda hidden, body: decoder.signed_distance(hidden, body)[0], "signed distance"
+            points,
+            lambda hidden, body: decoder.signed_distance(hidden, self.field.w, body)[0],
+            "signed distance",
         )
 
     @torch.inference_mode()
@@ -96,7 +98,9 @@ class Avatar:
             FieldError: a point or a value is NaN or infinite.
         """
         decoder = self.field.generator.decoder
-        colors = self.evaluate(points, lambda hidden, body: decoder.picture_features(hidden)[0][0], "colour")
+        colors = self.evaluate(
+            points, lambda hidden, body: decoder.picture_features(hidden, self.field.w)[0][0], "colour"
+        )
         return colors.clamp(0, 1)
 
     def evaluate(self, points: Tensor, head: Callable[[Tensor, BodyPoints], Tensor], what: str) -> Tensor:

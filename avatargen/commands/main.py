@@ -36,6 +36,11 @@ COMMANDS = (
         summary="read an SMPL .pkl safely and save it as .npz",
         function="avatargen.commands.body_convert:main",
     ),
+    Command(
+        words=("train", "warm-start"),
+        summary="train a generator on the procedural wardrobe; the same command resumes",
+        function="avatargen.commands.train_warm_start:main",
+    ),
 )
 
 

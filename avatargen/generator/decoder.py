@@ -102,6 +102,10 @@ class Decoder(nn.Module):
             self.vertex_features = nn.Parameter(torch.randn(vertex_count, config.vertex_features) * 0.1)
         self.residual = EqualLinear(config.width, 1, zero=True)
         self.features = EqualLinear(config.width, config.features)
+        if (
+            config.modulated
+        ):  # what is masked by one person's hidden units gets that person's own distance and colour
+            self.person = EqualLinear(w_size, config.width * PERSON_ROWS, zero=True)
 
     def hidden(
         self,
@@ -122,21 +126,31 @@ class Decoder(nn.Module):
             x = leaky_relu(x) if self.config.activation == "leaky_relu" else F.softplus(x)
         return x
 
-    def signed_distance(self, hidden: Float[Tensor, "B N width"], body: BodyPoints) -> Float[Tensor, "B N"]:
+    def person_rows(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B width 4"]:
+        """Each person's own addition to the last layer: a column for the residual, three for the colour."""
+        if not self.config.modulated:
+            return w.new_zeros(len(w), self.config.width, PERSON_ROWS)
+        return self.person(w).unflatten(1, (self.config.width, PERSON_ROWS))
+
+    def signed_distance(
+        self, hidden: Float[Tensor, "B N width"], w: Float[Tensor, "B D"], body: BodyPoints
+    ) -> Float[Tensor, "B N"]:
         """Body distance plus the residual, in metres; the residual never passes `residual_limit`."""
         limit = self.config.residual_limit
-        raw = self.residual(hidden)[..., 0] * (self.config.residual_scale / limit)
-        return body.distance + limit * torch.tanh(raw)
+        raw = self.residual(hidden) + hidden @ self.person_rows(w)[..., :1]
+        return body.distance + limit * torch.tanh(raw[..., 0] * (self.config.residual_scale / limit))
 
     def picture_features(
-        self, hidden: Float[Tensor, "B N width"]
+        self, hidden: Float[Tensor, "B N width"], w: Float[Tensor, "B D"]
     ) -> tuple[Float[Tensor, "B N 3"], Float[Tensor, "B N K"]]:
         """Colour (sRGB, 0..1 within `COLOR_MARGIN`), and the features that begin with it."""
         raw = self.features(hidden)
-        color = torch.sigmoid(raw[..., :3]) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
+        own = hidden @ self.person_rows(w)[..., 1:]
+        color = torch.sigmoid(raw[..., :3] + own) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
         return color, torch.cat([color, raw[..., 3:]], dim=-1)
 
 
+PERSON_ROWS = 4
 DISTANCE_SCALES = (0.02, 0.1)  # metres; the body distance also enters as tanh(d / scale)
 
 

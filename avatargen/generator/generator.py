@@ -72,8 +72,8 @@ class AvatarGenerator(nn.Module):
         """
         features = sample_planes(planes, self.frame(points), method)
         hidden = self.decoder.hidden(features, w, self.frame.centered(points), body)
-        color, picture = self.decoder.picture_features(hidden)
-        return self.decoder.signed_distance(hidden, body), color, picture
+        color, picture = self.decoder.picture_features(hidden, w)
+        return self.decoder.signed_distance(hidden, w, body), color, picture
 
 
 class ShapeHead(nn.Module):

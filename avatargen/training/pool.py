@@ -1,4 +1,6 @@
-"""The pool of canonical points the warm start draws from: near the body, densest on the head, and where skirts and hair hang."""
+"""The pool of canonical points the warm start draws from: near the body, densest on the head, and where
+skirts and hair hang.
+"""
 
 import io
 from dataclasses import fields
@@ -32,7 +34,9 @@ def near_body(body: CanonicalBody, count: int, rng: np.random.Generator) -> Floa
     chance = area * (1 + (HEAD_DENSITY - 1) * head)
     face = rng.choice(len(area), size=count, p=chance / chance.sum())
     barycentric = rng.dirichlet((1, 1, 1), size=count)
-    offset = np.where(rng.random(count) < 0.7, rng.normal(0.004, 0.009, count), rng.uniform(-0.02, 0.055, count))
+    offset = np.where(
+        rng.random(count) < 0.7, rng.normal(0.004, 0.009, count), rng.uniform(-0.02, 0.055, count)
+    )
     normal = cross[face] / np.maximum(area[face, None], 1e-20)
     return (corners[face] * barycentric[:, :, None]).sum(1) + offset[:, None] * normal
 
@@ -56,7 +60,7 @@ def cached_pool(path: Path, body: CanonicalBody, count: int, seed: int) -> Place
     names = tuple(f.name for f in fields(Places))
     if path.exists():
         arrays = read_npz(path, names, what="pool")
-        return Places(**{name: torch.from_numpy(arrays[name]) for name in names})
+        return Places(**{name: torch.from_numpy(arrays[name].copy()) for name in names})
     pool = make_pool(body, count, seed)
     stream = io.BytesIO()
     np.savez(stream, **{name: getattr(pool, name).numpy() for name in names})

@@ -3,7 +3,8 @@
     z --wardrobe--> signed distance, colour at pool points      (the target)
     z --generator-> signed distance, colour at the same points  (the prediction)
 
-Every step draws new people, seeded by (seed, step), so a resumed run continues with the same numbers. The checkpoint that ships
+Every step draws new people, seeded by (seed, step), so a resumed run continues with the same numbers. The
+checkpoint that ships
 holds the exponential moving average of the weights.
 """
 
@@ -12,6 +13,7 @@ import io
 import json
 import math
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -23,17 +25,19 @@ from torch import Tensor
 from avatargen.atomic import write_atomically
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import TrainingError
+from avatargen.generator.camera import Camera, front_camera
+from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import GeneratorConfig
 from avatargen.generator.decoder import BodyPoints
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.training.pool import cached_pool
 from avatargen.wardrobe import MARKS
-from avatargen.wardrobe.attributes import People, phenotype
+from avatargen.wardrobe.attributes import LATENT_SIZE, People, phenotype
 from avatargen.wardrobe.chart import Places
 from avatargen.wardrobe.layers import Layer
 from avatargen.wardrobe.person import dress_up
 
-HELD_OUT_SEED = 1_000_003  # first of the seeds no training step uses
+HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +76,9 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """Mean errors over a batch: distance (mm, within the band), colour (0..1, within the colour band), betas (0 mean square)."""
+    """Mean errors over a batch: distance (mm, within the band), colour (0..1, within the colour
+    band), betas (0 mean square).
+    """
 
     distance_mm: float
     colour: float
@@ -90,7 +96,7 @@ class Stream:
     def batch(self, step: int, people: int) -> Batch:
         """People, places near their surfaces, and targets."""
         random = torch.Generator().manual_seed((self.config.seed * 1_000_000_007 + step) % 2**63)
-        z = torch.randn(people, 80, generator=random)
+        z = torch.randn(people, LATENT_SIZE, generator=random)
         drawn = People(z)
         count = self.config.points
         index = torch.randint(len(self.pool.p), (people, count * self.config.candidates), generator=random)
@@ -103,7 +109,13 @@ class Stream:
             body = phenotype(drawn)
             ones = torch.ones(people, 1)
             betas = (torch.cat([body, ones], dim=1) @ self.phenotype_to_betas.T).clamp(-2.8, 2.8)
-        return Batch(people=drawn, camera=orbit_cameras(people, random), places=places[(rows, keep)], target=kept, betas=betas)
+        return Batch(
+            people=drawn,
+            camera=orbit_cameras(people, random),
+            places=places[(rows, keep)],
+            target=kept,
+            betas=betas,
+        )
 
 
 def near_surface(sdf: Float[Tensor, "B M"], count: int, random: torch.Generator) -> Int[Tensor, "B N"]:
@@ -113,14 +125,16 @@ def near_surface(sdf: Float[Tensor, "B M"], count: int, random: torch.Generator)
     return torch.topk(preference + gumbel, count, dim=1, sorted=False).indices
 
 
-def orbit_cameras(people: int, random: torch.Generator, distance: float = 2.7) -> Float[Tensor, "B 25"]:
-    """EG3D camera vectors all around the person. The fields must not depend on them, so every step draws new ones."""
+def orbit_cameras(people: int, random: torch.Generator) -> Float[Tensor, "B 25"]:
+    """Camera vectors all around the person. The fields must not depend on them, so every step draws
+    new ones.
+    """
     angle = torch.rand(people, generator=random) * 2 * math.pi
-    sine, cosine, zero, one = angle.sin(), angle.cos(), torch.zeros(people), torch.ones(people)
-    # OpenCV axes in columns: right, down, forward (to the origin), position
-    rows = [cosine, zero, -sine, sine * distance, zero, -one, zero, zero, -sine, zero, -cosine, cosine * distance, zero, zero, zero, one]
-    intrinsics = torch.tensor([2.0, 0, 0.5, 0, 2.0, 0.5, 0, 0, 1]).expand(people, -1)
-    return torch.cat([torch.stack(rows, dim=1), intrinsics], dim=1)
+    turn = torch.eye(4).repeat(people, 1, 1)
+    turn[:, 0, 0] = turn[:, 2, 2] = angle.cos()
+    turn[:, 0, 2], turn[:, 2, 0] = angle.sin(), -angle.sin()
+    front = front_camera(people)
+    return Camera(cam2world=turn @ front.cam2world, intrinsics=front.intrinsics).vector
 
 
 def losses(
@@ -154,15 +168,16 @@ def learning_rate(step: int, config: WarmStartConfig) -> float:
     if step < config.warm_up:
         return config.learning_rate * (step + 1) / config.warm_up
     t = min(1.0, (step - config.warm_up) / max(1, config.steps - config.warm_up))
-    return config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * 0.5 * (1 + math.cos(math.pi * t))
+    return config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * 0.5 * (
+        1 + math.cos(math.pi * t)
+    )
 
 
 def held_out(generator: AvatarGenerator, stream: Stream, config: WarmStartConfig, batches: int = 8) -> Errors:
     """Mean errors on people no training step has seen."""
-    rows = []
     with torch.no_grad():
-        for i in range(batches):
-            rows.append(losses(generator, stream.batch(2**40 + HELD_OUT_SEED + i, config.people), config)[1])
+        unseen = (stream.batch(HELD_OUT_STEP + i, config.people) for i in range(batches))
+        rows = [losses(generator, batch, config)[1] for batch in unseen]
     mean = {name: float(np.mean([getattr(row, name) for row in rows])) for name in vars(rows[0])}
     return Errors(**mean)
 
@@ -177,12 +192,39 @@ class State:
     optimizer: torch.optim.Adam
 
 
-def new_state(config: GeneratorConfig, training: WarmStartConfig) -> State:
-    """Freshly initialised networks, seeded."""
+def new_state(
+    config: GeneratorConfig, training: WarmStartConfig, coarser: dict[str, Tensor] | None = None
+) -> State:
+    """Freshly initialised networks, seeded; or those of a coarser run, whose added plane resolutions
+    start silent.
+
+    Raises:
+        TrainingError: the coarser weights are of other networks.
+    """
     torch.manual_seed(training.seed)
     generator = AvatarGenerator(config)
+    if coarser is not None:
+        refine(generator, coarser)
     optimizer = torch.optim.Adam(generator.parameters(), lr=training.learning_rate, betas=(0.9, 0.99))
     return State(step=0, generator=generator, average=copy.deepcopy(generator).eval(), optimizer=optimizer)
+
+
+def refine(generator: AvatarGenerator, coarser: dict[str, Tensor]) -> None:
+    """Load weights trained with fewer plane resolutions; the new ones add nothing until they learn to."""
+    own = generator.state_dict()
+    missing = set(own) - set(coarser)
+    added = {name for name in missing if name.startswith("synthesis.blocks.")}
+    if (
+        missing != added
+        or any(own[n].shape != coarser[n].shape for n in coarser if n in own)
+        or not set(coarser) <= set(own)
+    ):
+        raise TrainingError(
+            "warm start: the weights to start from differ in more than added plane resolutions; "
+            "use the same preset"
+        )
+    silent = {name: torch.zeros_like(own[name]) for name in added if name.endswith("share.weight")}
+    generator.load_state_dict(own | coarser | silent)
 
 
 def save_state(state: State, path: Path) -> None:
@@ -211,20 +253,24 @@ def restore(state: State, path: Path) -> None:
         state.optimizer.load_state_dict(content["optimizer"])
         state.step = int(content["step"])
     except (RuntimeError, KeyError, ValueError, EOFError, OSError) as error:
-        raise TrainingError(f"warm start: {path} cannot be continued ({error}); name another folder") from error
+        raise TrainingError(
+            f"warm start: {path} cannot be continued ({error}); name another folder"
+        ) from error
 
 
-def step_once(state: State, stream: Stream, config: WarmStartConfig) -> Errors:
-    """One optimisation step.
+def step_once(state: State, batch: Batch, config: WarmStartConfig) -> Errors:
+    """One optimisation step on the batch of `state.step`.
 
     Raises:
         TrainingError: the loss is not finite; the last saved state is kept.
     """
     for group in state.optimizer.param_groups:
         group["lr"] = learning_rate(state.step, config)
-    loss, errors = losses(state.generator, stream.batch(state.step, config.people), config)
+    loss, errors = losses(state.generator, batch, config)
     if not torch.isfinite(loss):
-        raise TrainingError(f"warm start: loss {float(loss)} at step {state.step}; lower --learning-rate and run again")
+        raise TrainingError(
+            f"warm start: loss {float(loss.detach())} at step {state.step}; lower the learning-rate"
+        )
     state.optimizer.zero_grad(set_to_none=True)
     loss.backward()
     torch.nn.utils.clip_grad_norm_(state.generator.parameters(), 10.0)
@@ -237,33 +283,62 @@ def step_once(state: State, stream: Stream, config: WarmStartConfig) -> Errors:
     return errors
 
 
-def train(generator_config: GeneratorConfig, config: WarmStartConfig, body: CanonicalBody, out: Path) -> AvatarGenerator:
-    """Run, or continue, the warm start in folder `out`; returns the averaged generator.
+def train(
+    generator_config: GeneratorConfig,
+    config: WarmStartConfig,
+    body: CanonicalBody,
+    out: Path,
+    report: Callable[[str], None],
+    coarser: dict[str, Tensor] | None = None,
+) -> Errors:
+    """Run, or continue, the warm start in folder `out`; returns the held-out errors of the averaged weights.
 
-    Writes `state.pt` to continue from, `log.jsonl` with held-out errors, and `config.json`.
+    `report` takes a progress line now and then.
+
+    Writes `generator.safetensors` (the averaged weights), `state.pt` to continue from, `log.jsonl` with
+    held-out errors, `config.json`, and `pool.npz`, which any run on the same body may share.
     """
     out.mkdir(parents=True, exist_ok=True)
     write_atomically(out / "config.json", json.dumps(asdict(config), indent=1).encode())
     stream = Stream(cached_pool(out / "pool.npz", body, config.pool, config.seed), config)
-    state = new_state(generator_config, config)
+    state = new_state(generator_config, config, coarser)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
     started, recent = time.monotonic(), []
+    errors = held_out(state.average, stream, config)
     while state.step < config.steps:
-        recent.append(step_once(state, stream, config))
+        recent.append(step_once(state, stream.batch(state.step, config.people), config))
         if state.step % config.report_every == 0:
-            report(state.step, recent, time.monotonic() - started, config)
+            report(summarize(state.step, recent, time.monotonic() - started, config))
             recent = []
         if state.step % config.save_every == 0 or state.step == config.steps:
             errors = held_out(state.average, stream, config)
             save_state(state, out / "state.pt")
+            finish(state, config, errors, out / "generator.safetensors")
             with (out / "log.jsonl").open("a") as log:
-                log.write(json.dumps({"step": state.step, "people": state.step * config.people, **asdict(errors)}) + "\n")
-    return state.average
+                log.write(
+                    json.dumps({"step": state.step, "people": state.step * config.people, **asdict(errors)})
+                    + "\n"
+                )
+    return errors
 
 
-def report(step: int, recent: list[Errors], seconds: float, config: WarmStartConfig) -> None:
+def finish(state: State, config: WarmStartConfig, errors: Errors, path: Path) -> None:
+    """Write the averaged generator with the mean of w, and notes on how it came to be."""
+    random = torch.Generator().manual_seed(config.seed)
+    with torch.no_grad():
+        z = torch.randn(4096, LATENT_SIZE, generator=random)
+        state.average.mapping.average.copy_(state.average.mapping(z, orbit_cameras(4096, random)).mean(0))
+    notes = {
+        "licence": "Apache-2.0",
+        "training": f"warm start, {state.step} steps of {config.people} people and {config.points} points",
+        "held_out": f"{errors.distance_mm:.3f} mm, colour {errors.colour:.4f}",
+    }
+    save_checkpoint(state.average, path, notes)
+
+
+def summarize(step: int, recent: list[Errors], seconds: float, config: WarmStartConfig) -> str:
     """One progress line."""
     distance = np.mean([e.distance_mm for e in recent])
     colour = np.mean([e.colour for e in recent])
-    print(f"step {step}/{config.steps}  {distance:.3f} mm  colour {colour:.4f}  {seconds:.0f} s", flush=True)
+    return f"step {step}/{config.steps}  {distance:.3f} mm  colour {colour:.4f}  {seconds:.0f} s"

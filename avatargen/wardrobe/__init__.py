@@ -1,4 +1,6 @@
-"""A procedural wardrobe over the canonical body: endless clothed people as fields, coded by Gaussian latents."""
+"""A procedural wardrobe over the canonical body: endless clothed people as fields, coded by Gaussian
+latents.
+"""
 
 from pathlib import Path
 

@@ -1,7 +1,9 @@
 """What a latent says about a person: the fixed Gaussian coding of the wardrobe's attributes.
 
-Every attribute owns one coordinate of z ~ N(0, I). A choice is the sign of its coordinate; a measure is Phi(z) in 0..1; a colour owns
-three coordinates: lightness by Phi and two opponent axes. So z is plain Gaussian noise to the generator, and every z is a person.
+Every attribute owns one coordinate of z ~ N(0, I). A choice is the sign of its coordinate; a measure is
+Phi(z) in 0..1; a colour owns
+three coordinates: lightness by Phi and two opponent axes. So z is plain Gaussian noise to the generator,
+and every z is a person.
 
 Letters: B people, Z latent size. A column is [B 1], so that it broadcasts over N points.
 """
@@ -14,16 +16,66 @@ from torch import Tensor
 
 from avatargen.errors import InputError
 
-CHOICES = (
-    "woman hair_a hair_b hair_c bottom_a bottom_b outer_a outer_b collar_a collar_b pattern_a pattern_b pattern_c "
-    "shoe_a shoe_b beard_a beard_b tucked belt fringe makeup hat_a hat_b hat_c"
-).split()
-MEASURES = (
-    "skin_light skin_warm age muscle weight height african asian cupsize eye_hue eye_light brow lip hairline hair_length "
-    "sleeve sleeve_width hem neckline ease thickness leg_length leg_width flare skirt_length collar_height period "
-    "fold_a fold_b outer_length wear"
-).split()
-COLOURS = "hair top second bottom outer shoe".split()
+CHOICES = [
+    "woman",
+    "hair_a",
+    "hair_b",
+    "hair_c",
+    "bottom_a",
+    "bottom_b",
+    "outer_a",
+    "outer_b",
+    "collar_a",
+    "collar_b",
+    "pattern_a",
+    "pattern_b",
+    "pattern_c",
+    "shoe_a",
+    "shoe_b",
+    "beard_a",
+    "beard_b",
+    "tucked",
+    "belt",
+    "fringe",
+    "makeup",
+    "hat_a",
+    "hat_b",
+    "hat_c",
+]
+MEASURES = [
+    "skin_light",
+    "skin_warm",
+    "age",
+    "muscle",
+    "weight",
+    "height",
+    "african",
+    "asian",
+    "cupsize",
+    "eye_hue",
+    "eye_light",
+    "brow",
+    "lip",
+    "hairline",
+    "hair_length",
+    "sleeve",
+    "sleeve_width",
+    "hem",
+    "neckline",
+    "ease",
+    "thickness",
+    "leg_length",
+    "leg_width",
+    "flare",
+    "skirt_length",
+    "collar_height",
+    "boldness",
+    "creased",
+    "wavy",
+    "outer_length",
+    "wear",
+]
+COLOURS = ["hair", "top", "second", "bottom", "outer", "shoe"]
 LATENT_SIZE = 80
 
 _COORDINATE = {name: i for i, name in enumerate((*CHOICES, *MEASURES))}
@@ -41,7 +93,9 @@ class People:
 
     def __post_init__(self) -> None:
         if self.z.ndim != 2 or self.z.shape[1] != LATENT_SIZE:
-            raise InputError(f"wardrobe: z has shape {tuple(self.z.shape)}; the coding reads [B, {LATENT_SIZE}]")
+            raise InputError(
+                f"wardrobe: z has shape {tuple(self.z.shape)}; the coding reads [B, {LATENT_SIZE}]"
+            )
 
     def normal(self, name: str) -> Float[Tensor, "B 1"]:
         """The attribute's own coordinate, N(0, 1)."""
@@ -64,8 +118,12 @@ class People:
         """Whole number read from choices, first bit lowest."""
         return sum((self.choice(bit) * 2**i for i, bit in enumerate(bits)), torch.zeros_like(self.z[:, :1]))
 
-    def colour(self, name: str, low: float = 0.06, high: float = 0.92, chroma: float = 0.16) -> Float[Tensor, "B 1 3"]:
-        """A colour of random lightness and, half the time hardly any, hue; smooth in its three coordinates."""
+    def colour(
+        self, name: str, low: float = 0.06, high: float = 0.92, chroma: float = 0.16
+    ) -> Float[Tensor, "B 1 3"]:
+        """A colour of random lightness and, half the time hardly any, hue; smooth in its three
+        coordinates.
+        """
         lightness = self.between(name, low, high)
         i = _COORDINATE[name]
         axes = torch.tanh(self.z[:, i + 1 : i + 3] * 0.8) * chroma
@@ -73,7 +131,9 @@ class People:
 
 
 def phenotype(people: People) -> Float[Tensor, "B 9"]:
-    """anny's phenotype of every person, in the order of `marks.npz`: sets the betas, not the canonical field."""
+    """anny's phenotype of every person, in the order of `marks.npz`: sets the betas, not the
+    canonical field.
+    """
     woman = people.choice("woman")
     columns = {
         "gender": 0.06 + 0.88 * woman,

@@ -1,6 +1,7 @@
 """What is worn from the neck down: tops, trousers, skirts, coats, shoes.
 
-A garment is the body (or its closing, where cloth bridges hollows) thickened and cut along the edges of its pattern pieces; wide
+A garment is the body (or its closing, where cloth bridges hollows) thickened and cut along the edges of its
+pattern pieces; wide
 sleeves and legs are cones, skirts a flared rounded prism around both legs.
 """
 
@@ -9,11 +10,12 @@ from torch import Tensor
 
 from avatargen.wardrobe.attributes import People
 from avatargen.wardrobe.chart import SOLE, Places, tailor
-from avatargen.wardrobe.layers import Layer, bump, cloth, folds, mix, ramp, smooth_min
+from avatargen.wardrobe.layers import Layer, Number, bump, cloth, folds, mix, ramp, smooth_min
 
 ARM_Y, ARM_Z = 0.468, 0.012
 WAIST_Y = 0.155
 FLOOR = 0.952  # m below the hip, along the leg
+PERIOD = 0.07  # m, of stripes and checks
 KNEE, ANKLE = 0.436, 0.871
 LINING = 0.30  # brightness of undersides and insides
 
@@ -24,8 +26,12 @@ def loosened(places: Places, ease: Tensor) -> Tensor:
 
 
 def neck_opening(x: Tensor, y: Tensor, z: Tensor, deep: Tensor, vee: Tensor, turtle: Tensor) -> Tensor:
-    """Metres covered below a neckline: round or V, `deep` metres below the collar; a turtleneck climbs the neck."""
-    round_cut = torch.sqrt((x / 0.085) ** 2 + ((y - 0.560) / (0.055 + deep)) ** 2 + ((z - 0.045) / 0.105) ** 2 + 1e-10)
+    """Metres covered below a neckline: round or V, `deep` metres below the collar; a turtleneck
+    climbs the neck.
+    """
+    round_cut = torch.sqrt(
+        (x / 0.085) ** 2 + ((y - 0.560) / (0.055 + deep)) ** 2 + ((z - 0.045) / 0.105) ** 2 + 1e-10
+    )
     bowl = (round_cut - 1) * 0.075
     wedge = (x.abs() - 0.55 * (y - (0.44 - 1.3 * deep))) * 0.8
     front = ramp(z, 0.0, 0.03)
@@ -42,32 +48,34 @@ def sleeve_cone(x: Tensor, y: Tensor, z: Tensor, radius: Tensor) -> Tensor:
 
 
 def creases(places: Places, people: People) -> Tensor:
-    """Fold pattern of tops in -1..1: rings near the elbows, drapes elsewhere."""
+    """Fold pattern of tops within -1.5..1.5: rings near the elbows, drapes elsewhere."""
     x, y, z = tailor(places.p)
-    a, b = people.measure("fold_a"), people.measure("fold_b")
     arm = ramp(x.abs(), 0.17, 0.24)
-    return arm * folds(x.abs(), y + z, a, b) * (0.5 + 0.5 * bump(x.abs(), 0.45, 0.1)) + (1 - arm) * folds(
-        0.55 * x + 0.8 * y, x, a, b, 0.11
-    ) * (0.35 + 0.65 * bump(y, 0.16, 0.12))
+    rings = folds(x.abs(), y + z, 0.2) * (0.5 + 0.5 * bump(x.abs(), 0.45, 0.1))
+    drapes = folds(0.55 * x + 0.8 * y, x, 0.6, 0.11) * (0.35 + 0.65 * bump(y, 0.16, 0.12))
+    return people.between("creased", 0.5, 1.5) * (arm * rings + (1 - arm) * drapes)
 
 
 def pattern(color: Tensor, other: Tensor, places: Places, people: People) -> Tensor:
-    """Prints by three choices: plain (half of them), stripes across, stripes down, checks, a chest print, two blocks."""
+    """Prints by three choices: plain (half of them), stripes across, stripes down, checks, a chest
+    print, two blocks.
+    """
     x, y, z = tailor(places.p)
     kind = people.kind("pattern_a", "pattern_b", "pattern_c")
-    period = people.between("period", 0.05, 0.10)
     arm = ramp(x.abs(), 0.19, 0.21)
     along_limb = y * (1 - arm) + x.abs() * arm
-    across = torch.sigmoid(torch.sin(6.2832 * along_limb / period) * period / 0.006)
-    down = torch.sigmoid(torch.sin(6.2832 * (x * (1 - arm) + y * arm) / period) * period / 0.006)
+    across = torch.sigmoid(torch.sin(6.2832 * along_limb / PERIOD) * PERIOD / 0.006)
+    down = torch.sigmoid(torch.sin(6.2832 * (x * (1 - arm) + y * arm) / PERIOD) * PERIOD / 0.006)
     chest = torch.sqrt(x**2 + (y - 0.335) ** 2 + 1e-10)
-    emblem = torch.sigmoid((0.052 - (chest - 0.012 * torch.cos(5 * torch.atan2(x, y - 0.335 + 1e-6)))) / 0.0012) * ramp(z, 0.04, 0.05)
+    emblem = torch.sigmoid(
+        (0.052 - (chest - 0.012 * torch.cos(5 * torch.atan2(x, y - 0.335 + 1e-6)))) / 0.0012
+    ) * ramp(z, 0.04, 0.05)
     block = torch.sigmoid((along_limb * (1 - arm) - 0.30 + 10 * arm) / 0.0012)
     weight = (
         across * (kind == 4) + 0.8 * down * (kind == 5) + emblem * (kind == 6) + block * (kind == 7)
         + 0.5 * (across + down) * (kind == 3)
     )  # fmt: skip
-    return mix(color, other, weight)
+    return mix(color, other, weight * people.between("boldness", 0.6, 1.0))
 
 
 def top(places: Places, people: People) -> Layer:
@@ -82,18 +90,24 @@ def top(places: Places, people: People) -> Layer:
     ease = people.measure("ease") * (1 - 0.9 * layered)
     crease = creases(places, people)
     tucked_in = people.choice("tucked") * ramp(WAIST_Y + 0.03 - y, 0.0, 0.04)
-    thick = 0.0045 + 0.006 * people.measure("thickness") + 0.005 * knit + 0.012 * ease * ramp(-y, -0.34, -0.05)
+    thick = (
+        0.0045 + 0.006 * people.measure("thickness") + 0.005 * knit + 0.012 * ease * ramp(-y, -0.34, -0.05)
+    )
     thick = (thick + (0.0012 + 0.0022 * ease) * crease) * (1 - 0.35 * layered)
     thick = thick + (0.003 - thick) * tucked_in
     body = loosened(places, ease * (1 - tucked_in))
     width = people.between("sleeve_width", 0.052, 0.078) - 0.03 * ramp(x.abs(), 0.3, 0.7) * (1 - 0.3 * ease)
-    body = torch.where((sleeve > 0.2) & (layered < 0.5), smooth_min(body, sleeve_cone(x, y, z, width) + thick, 0.02), body)
+    body = torch.where(
+        (sleeve > 0.2) & (layered < 0.5), smooth_min(body, sleeve_cone(x, y, z, width) + thick, 0.02), body
+    )
     deep = people.between("neckline", 0.0, 0.055)
     neck = neck_opening(x, y, z, deep, ((kind == 1) | (kind == 2)).to(x), (kind == 3).to(x))
     covered = torch.minimum(torch.minimum(sleeve - x.abs(), y - hem), neck)
     color, other = people.colour("top"), people.colour("second", chroma=0.2)
     painted = pattern(color.expand(*x.shape, 3), other, places, people)
-    rib = ramp(0.016 - torch.minimum(sleeve - x.abs(), y - hem), -0.001, 0.001) * knit + ramp(0.014 - neck, -0.001, 0.001) * (kind != 2)
+    rib = ramp(0.016 - torch.minimum(sleeve - x.abs(), y - hem), -0.001, 0.001) * knit + ramp(
+        0.014 - neck, -0.001, 0.001
+    ) * (kind != 2)
     painted = mix(painted, color * 0.78, 0.8 * rib.clamp(0, 1))
     placket = torch.sigmoid((0.013 - x.abs()) / 0.0008) * ramp(z, 0.03, 0.05) * (kind == 2)
     painted = mix(painted, color * 0.88 + 0.03, placket)
@@ -121,27 +135,60 @@ def trousers(places: Places, people: People) -> Layer:
     x, y, z = tailor(places.p)
     lateral, down, depth = places.leg[..., 0], -places.leg[..., 1], places.leg[..., 2]
     short = people.choice("bottom_a") * people.choice("bottom_b") * (1 - people.choice("woman"))
-    end = torch.where(short > 0.5, people.between("leg_length", 0.22, 0.47), people.between("leg_length", 0.70, 1.02).clamp(max=0.895))
+    end = torch.where(
+        short > 0.5,
+        people.between("leg_length", 0.22, 0.47),
+        people.between("leg_length", 0.70, 1.02).clamp(max=0.895),
+    )
     jeans = people.choice("bottom_b") * (1 - short)
     wide = people.measure("leg_width")
-    a, b = people.measure("fold_a"), people.measure("fold_b")
     knee = bump(down, KNEE, 0.09) + 0.8 * bump(down, 0.05, 0.08) + 0.9 * bump(down, 0.84, 0.06)
-    crease = folds(down, lateral + depth, b, a) * (0.25 + 0.75 * knee.clamp(0, 1)) * ramp(down, -0.06, 0.02)
+    crease = (
+        people.between("creased", 0.5, 1.5)
+        * folds(down, lateral + depth, 0.4)
+        * (0.25 + 0.75 * knee.clamp(0, 1))
+        * ramp(down, -0.06, 0.02)
+    )
     thick = 0.004 + 0.008 * wide + (0.0008 + 0.0025 * wide) * crease
     centre_z = 0.018 - 0.055 * ramp(down, 0.15, 0.62)
     rho = torch.sqrt((lateral - 0.02 * ramp(down, 0, 0.87)) ** 2 + (depth - centre_z) ** 2 + 1e-10)
-    radius = 0.062 + 0.034 * wide + 0.028 * bump(down, 0.05, 0.25) + 0.035 * (people.measure("flare") - 0.6).clamp(min=0) * ramp(down, 0.45, 0.9)
+    radius = (
+        0.062
+        + 0.034 * wide
+        + 0.028 * bump(down, 0.05, 0.25)
+        + 0.035 * (people.measure("flare") - 0.6).clamp(min=0) * ramp(down, 0.45, 0.9)
+    )
     cone = rho - radius + 0.12 * ramp(0.26 - down, 0.0, 0.24)  # melts into the hip
     body = smooth_min(loosened(places, wide), cone + thick, 0.03)
     covered = torch.minimum(WAIST_Y + 0.02 * people.normal("wear").clamp(-1, 1) - y, end - down)
     blue = torch.tensor([0.20, 0.28, 0.42]).to(x) * (0.5 + 1.0 * people.measure("bottom")[..., None])
-    color = torch.where(jeans[..., None] > 0.5, blue, people.colour("bottom", 0.05, 0.75, 0.10)).expand(*x.shape, 3)
-    worn = jeans * (bump(down, 0.22, 0.13) + 0.7 * bump(down, KNEE, 0.07)) * ramp(depth, 0.0, 0.06) * people.measure("wear")
+    color = torch.where(jeans[..., None] > 0.5, blue, people.colour("bottom", 0.05, 0.75, 0.10)).expand(
+        *x.shape, 3
+    )
+    worn = (
+        jeans
+        * (bump(down, 0.22, 0.13) + 0.7 * bump(down, KNEE, 0.07))
+        * ramp(depth, 0.0, 0.06)
+        * people.measure("wear")
+    )
     color = mix(color, color + 0.16, worn)
-    seam = bump((lateral - 0.1 * bump(down, 0.05, 0.25)).abs() * 0 + depth - centre_z, 0, 0.0035) * ramp(lateral, 0.02, 0.04) * ramp(down, -0.12, -0.05)
+    seam = (
+        bump((lateral - 0.1 * bump(down, 0.05, 0.25)).abs() * 0 + depth - centre_z, 0, 0.0035)
+        * ramp(lateral, 0.02, 0.04)
+        * ramp(down, -0.12, -0.05)
+    )
     color = mix(color, color * 0.72, 0.7 * seam)
-    color = mix(color, color * 0.75, bump(x, 0, 0.0035) * ramp(depth, 0.06, 0.08) * ramp(-y, -0.15, -0.13) * ramp(y, -0.06, -0.04))  # fly
-    pocket = bump(y + 0.9 * (x.abs() - 0.12), 0.06, 0.004) * ramp(x.abs(), 0.085, 0.095) * ramp(0.155 - x.abs(), 0, 0.01) * ramp(z, 0.03, 0.05)
+    color = mix(
+        color,
+        color * 0.75,
+        bump(x, 0, 0.0035) * ramp(depth, 0.06, 0.08) * ramp(-y, -0.15, -0.13) * ramp(y, -0.06, -0.04),
+    )  # fly
+    pocket = (
+        bump(y + 0.9 * (x.abs() - 0.12), 0.06, 0.004)
+        * ramp(x.abs(), 0.085, 0.095)
+        * ramp(0.155 - x.abs(), 0, 0.01)
+        * ramp(z, 0.03, 0.05)
+    )
     color = mix(color, color * 0.65, pocket)
     cuff = ramp(0.018 - (end - down), -0.001, 0.001)
     color = mix(color, color * 0.85, cuff) * (1 + 0.08 * crease[..., None])
@@ -159,19 +206,31 @@ def belt(places: Places, people: People) -> Layer:
     buckle = torch.sigmoid((0.022 - x.abs()) / 0.0008) * ramp(z, 0.04, 0.05)
     color = mix(leather.expand(*x.shape, 3), torch.tensor([0.75, 0.68, 0.50]).to(x), buckle)
     wide = people.measure("leg_width")
-    return Layer(sdf=cloth(loosened(places, wide), 0.009 + 0.008 * wide + 0.002 * buckle, covered), color=color)
+    return Layer(
+        sdf=cloth(loosened(places, wide), 0.009 + 0.008 * wide + 0.002 * buckle, covered), color=color
+    )
 
 
-def skirt_sdf(places: Places, flare: Tensor, end: Tensor, ease: Tensor | float, phases: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
-    """A flared rounded prism around both legs from the waist down to height `end`, its underside hollow; and its fold pattern."""
+def skirt_sdf(
+    places: Places, flare: Tensor, end: Tensor, ease: Number, creased: Tensor
+) -> tuple[Tensor, Tensor]:
+    """A flared rounded prism around both legs from the waist down to height `end`, its underside
+    hollow; and its fold pattern.
+    """
     x, y, z = tailor(places.p)
     below = (WAIST_Y - y).clamp(min=0)
-    half = 0.150 + 0.062 * ramp(below, 0.0, 0.28) + (0.42 * (below - 0.2).clamp(min=0)) + flare * 0.28 * below + ease
+    half = (
+        0.150
+        + 0.062 * ramp(below, 0.0, 0.28)
+        + (0.42 * (below - 0.2).clamp(min=0))
+        + flare * 0.28 * below
+        + ease
+    )
     deep = 0.112 + 0.020 * ramp(below, 0.02, 0.2) + flare * 0.30 * below + ease
     centre = 0.030 - 0.028 * ramp(below, 0.0, 0.30)
     angle = torch.atan2((z - centre) / 0.12, x / (half + 1e-3))
-    wave = torch.sin(angle * 11 + 6.2832 * phases[0]) + 0.5 * torch.sin(angle * 17 + 6.2832 * phases[1])
-    amplitude = (0.3 + flare) * 0.030 * below
+    wave = torch.sin(angle * 11 + 0.8) + 0.5 * torch.sin(angle * 17 + 2.1)
+    amplitude = (0.3 + flare) * 0.030 * below * creased
     qx, qz = x.abs() - (half - deep), (z - centre).abs()
     outline = torch.where(qx > 0, torch.sqrt(qx.clamp(min=0) ** 2 + qz**2 + 1e-10), qz) - deep
     wall = (outline - amplitude * wave) * 0.88
@@ -181,17 +240,31 @@ def skirt_sdf(places: Places, flare: Tensor, end: Tensor, ease: Tensor | float, 
 
 def skirt(places: Places, people: People) -> Layer:
     """Skirts, and the lower half of dresses."""
-    x, y, z = tailor(places.p)
+    x, y, _z = tailor(places.p)
     end = WAIST_Y - people.between("skirt_length", 0.36, 0.95)
-    sdf, wave = skirt_sdf(places, people.between("flare", 0.05, 0.75), end, 0.004, (people.measure("fold_a"), people.measure("fold_b")))
+    sdf, wave = skirt_sdf(
+        places,
+        people.between("flare", 0.05, 0.75),
+        end,
+        0.004,
+        people.between("creased", 0.5, 1.5),
+    )
     dress = has_dress(people)
-    tight = torch.maximum(loosened(places, people.measure("ease")) - 0.011, torch.maximum(y - WAIST_Y - 0.02, end - y))
-    color = torch.where(dress[..., None] > 0.5, people.colour("top"), people.colour("bottom", 0.08, 0.85, 0.16)).expand(*x.shape, 3)
-    color = torch.where(dress[..., None] > 0.5, pattern(color, people.colour("second", chroma=0.2), places, people), color)
+    tight = torch.maximum(
+        loosened(places, people.measure("ease")) - 0.011, torch.maximum(y - WAIST_Y - 0.02, end - y)
+    )
+    color = torch.where(
+        dress[..., None] > 0.5, people.colour("top"), people.colour("bottom", 0.08, 0.85, 0.16)
+    ).expand(*x.shape, 3)
+    color = torch.where(
+        dress[..., None] > 0.5, pattern(color, people.colour("second", chroma=0.2), places, people), color
+    )
     trim = ramp(0.02 - (y - end), -0.001, 0.001) * (people.measure("wear") > 0.6)
     color = mix(color, people.colour("second", chroma=0.2).expand_as(color), 0.8 * trim)
     color = color * (1 + 0.10 * wave * ramp(WAIST_Y - y, 0.05, 0.4))[..., None]
-    under = ramp(end - y, -0.0055, -0.002) + ramp(places.body * 0 - (sdf - (end - y)).abs(), -0.002, 0) * ramp(y - end, 0.001, 0.01)
+    under = ramp(end - y, -0.0055, -0.002) + ramp(
+        places.body * 0 - (sdf - (end - y)).abs(), -0.002, 0
+    ) * ramp(y - end, 0.001, 0.01)
     color = mix(color, color * LINING, under.clamp(0, 1))
     return Layer(sdf=smooth_min(sdf, tight, 0.015), color=color.clamp(0, 1))
 
@@ -201,18 +274,23 @@ def outer(places: Places, people: People) -> Layer:
     x, y, z = tailor(places.p)
     coat = people.choice("outer_b")
     openness = people.choice("collar_b")
-    hem = torch.where(coat > 0.5, people.between("outer_length", -0.42, -0.12), people.between("outer_length", -0.04, 0.06))
+    hem = torch.where(
+        coat > 0.5, people.between("outer_length", -0.42, -0.12), people.between("outer_length", -0.04, 0.06)
+    )
     crease = creases(places, people)
     thick = 0.019 + 0.006 * people.measure("thickness") + 0.004 * crease * (0.4 + people.measure("ease"))
-    body = smooth_min(places.closed, sleeve_cone(x, y, z, 0.068 - 0.016 * ramp(x.abs(), 0.3, 0.7)) + thick, 0.02)
-    tail, _ = skirt_sdf(places, 0.12 * torch.ones_like(hem), hem, 0.020, (people.measure("fold_a"), people.measure("fold_b")))
+    body = smooth_min(
+        places.closed, sleeve_cone(x, y, z, 0.068 - 0.016 * ramp(x.abs(), 0.3, 0.7)) + thick, 0.02
+    )
+    tail, _ = skirt_sdf(places, 0.12 * torch.ones_like(hem), hem, 0.020, people.between("creased", 0.5, 1.5))
     width = 0.02 + 0.055 * people.measure("collar_height") + 0.05 * ramp(-y, -0.45, 0.1)
     vee = 0.60 * (y - 0.30 + 0.08 * people.measure("collar_height")).clamp(min=0)
-    gap = torch.where(openness > 0.5, width, vee) * ramp(z, 0.0, 0.02)
-    front = x.abs() - gap + 0.2 * (1 - ramp(z, -0.02, 0.02))
+    front = torch.maximum(x.abs() - torch.where(openness > 0.5, width, vee), 0.7 * (0.02 - z))
     collar = 0.575 + 0.25 * (0.0 - z) - y
     covered = torch.minimum(torch.minimum(0.692 - x.abs(), y - hem), torch.minimum(collar, front))
-    shape = torch.where(coat > 0.5, torch.maximum(smooth_min(body - thick, tail, 0.02), -covered), cloth(body, thick, covered))
+    shape = torch.where(
+        coat > 0.5, torch.maximum(smooth_min(body - thick, tail, 0.02), -covered), cloth(body, thick, covered)
+    )
     base = people.colour("outer", 0.06, 0.80, 0.12)
     color = base.expand(*x.shape, 3)
     lapel = ramp(0.030 - front, -0.001, 0.001) * ramp(y, 0.15, 0.25) * ramp(z, -0.01, 0.02)
@@ -220,10 +298,19 @@ def outer(places: Places, people: People) -> Layer:
     closed_line = bump(x, 0.0, 0.003) * (1 - openness) * ramp(z, 0.02, 0.04)
     color = mix(color, base * 0.45, closed_line)
     button = torch.sqrt((x - 0.02) ** 2 + (y.remainder(0.11) - 0.055) ** 2 + 1e-10)
-    color = mix(color, 0.15 * torch.ones_like(base), torch.sigmoid((0.008 - button) / 0.0008) * (1 - openness) * ramp(z, 0.02, 0.04) * (y < 0.3))
+    color = mix(
+        color,
+        0.15 * torch.ones_like(base),
+        torch.sigmoid((0.008 - button) / 0.0008) * (1 - openness) * ramp(z, 0.02, 0.04) * (y < 0.3),
+    )
     cuff = ramp(0.030 - (0.692 - x.abs()), -0.001, 0.001)
     color = mix(color, base * 0.8, cuff)
-    pocket = bump(y, 0.06, 0.004) * ramp(x.abs(), 0.075, 0.08) * ramp(0.135 - x.abs(), 0, 0.005) * ramp(z, 0.02, 0.04)
+    pocket = (
+        bump(y, 0.06, 0.004)
+        * ramp(x.abs(), 0.075, 0.08)
+        * ramp(0.135 - x.abs(), 0, 0.005)
+        * ramp(z, 0.02, 0.04)
+    )
     color = mix(color, base * 0.5, pocket)
     inside = torch.maximum(ramp(0.0022 - covered, 0, 0.002), ramp(hem - y, -0.004, -0.001))
     color = mix(color * (1 + 0.07 * crease[..., None]), base * 0.55, inside)
@@ -244,13 +331,26 @@ def shoes(places: Places, people: People) -> Layer:
     sdf = torch.maximum(smooth_min(upper, sole, 0.003), -covered)
     leather = people.colour("shoe", 0.05, 0.85, 0.14)
     color = leather.expand(*down.shape, 3)
-    pale = torch.where(((kind == 0) | (people.measure("wear") > 0.7))[..., None], 0.9 * torch.ones_like(leather), 0.10 * torch.ones_like(leather))
+    pale = torch.where(
+        ((kind == 0) | (people.measure("wear") > 0.7))[..., None],
+        0.9 * torch.ones_like(leather),
+        0.10 * torch.ones_like(leather),
+    )
     color = mix(color, pale.expand_as(color), torch.sigmoid((down - FLOOR + 0.006) / 0.0007))
-    lace = torch.sin(down * 260) .clamp(min=0) * bump(lateral - 0.015, 0, 0.020) * ramp(depth, 0.04, 0.06) * ramp(0.12 - depth, 0, 0.02)
+    lace = (
+        torch.sin(down * 260).clamp(min=0)
+        * bump(lateral - 0.015, 0, 0.020)
+        * ramp(depth, 0.04, 0.06)
+        * ramp(0.12 - depth, 0, 0.02)
+    )
     color = mix(color, pale.expand_as(color), 0.8 * lace * ((kind == 0) | (kind == 1)))
     toe = ramp(depth, 0.135, 0.138) * (kind == 0)
     color = mix(color, pale * 0.9 + 0.05 * leather, 0.8 * toe)
-    stripe = torch.sigmoid((0.012 - (depth - 0.02 + 0.5 * (down - 0.9)).abs()) / 0.001) * (kind == 0) * (down > 0.89)
+    stripe = (
+        torch.sigmoid((0.012 - (depth - 0.02 + 0.5 * (down - 0.9)).abs()) / 0.001)
+        * (kind == 0)
+        * (down > 0.89)
+    )
     color = mix(color, people.colour("second", chroma=0.2), stripe)
     near_foot = torch.where(down > 0.55, sdf, torch.ones_like(sdf))
     return Layer(sdf=near_foot, color=color.clamp(0, 1))

@@ -9,6 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+Number = Tensor | float | int
+
 EDGE = 0.0006  # m, softness of a colour edge on the surface
 BLEND = 0.003  # m, rounding where two layers meet
 
@@ -21,13 +23,13 @@ class Layer:
     color: Float[Tensor, "B N 3"]  # sRGB 0..1
 
 
-def ramp(x: Tensor, low: float | Tensor, high: float | Tensor) -> Tensor:
+def ramp(x: Tensor, low: Number, high: Number) -> Tensor:
     """Smoothstep from 0 at low to 1 at high."""
     t = ((x - low) / (high - low)).clamp(0, 1)
     return t * t * (3 - 2 * t)
 
 
-def bump(x: Tensor, centre: float | Tensor, width: float | Tensor) -> Tensor:
+def bump(x: Tensor, centre: Number, width: Number) -> Tensor:
     """Gaussian of height 1."""
     return torch.exp(-(((x - centre) / width) ** 2))
 
@@ -54,11 +56,13 @@ def when(worn: Float[Tensor, "B 1"], layer: Layer) -> Layer:
     return Layer(sdf=torch.where(worn > 0.5, layer.sdf, torch.ones_like(layer.sdf)), color=layer.color)
 
 
-def cloth(body: Tensor, thickness: Tensor | float, covered: Tensor) -> Tensor:
-    """Distance to the body thickened by `thickness`, cut where `covered` (metres inside the pattern piece) goes negative."""
+def cloth(body: Tensor, thickness: Number, covered: Tensor) -> Tensor:
+    """Distance to the body thickened by `thickness`, cut where `covered` (metres inside the pattern
+    piece) goes negative.
+    """
     return torch.maximum(body - thickness, -covered)
 
 
-def folds(u: Tensor, v: Tensor, phase_a: Tensor, phase_b: Tensor, wavelength: float = 0.075) -> Tensor:
+def folds(u: Tensor, v: Tensor, phase: float = 0.0, wavelength: float = 0.075) -> Tensor:
     """Cloth folds in -1..1 across u, wandering along v (metres)."""
-    return torch.sin(6.2832 * (u / wavelength + 0.35 * torch.sin(6.2832 * v / 0.23 + 6.2832 * phase_b) + phase_a))
+    return torch.sin(6.2832 * (u / wavelength + 0.35 * torch.sin(6.2832 * v / 0.23) + phase))

@@ -1,4 +1,6 @@
-"""A whole clothed person: the layers in the order they are put on. This is the training target of the warm start."""
+"""A whole clothed person: the layers in the order they are put on. This is the training target of the
+warm start.
+"""
 
 from jaxtyping import Float
 from torch import Tensor
@@ -21,6 +23,7 @@ def dress_up(places: Places, people: People) -> Layer:
 
     `places` has leading shape [B N] or [1 N]. Tucked tops go under the trousers, others over them.
     """
+    places = places.for_people(len(people.z))
     skirted, hat = garments.has_skirt(people), wears_hat(people)
     tucked = people.choice("tucked") * (1 - garments.has_dress(people))
     person = skin(places, people)
@@ -32,7 +35,7 @@ def dress_up(places: Places, people: People) -> Layer:
     person = over(person, when(skirted, garments.skirt(places, people)))
     person = over(person, when(people.choice("belt") * tucked * (1 - skirted), garments.belt(places, people)))
     person = over(person, when(1 - tucked, upper))
-    person = over(person, when(people.choice("outer_a") * (1 - hat * 0), garments.outer(places, people)))
+    person = over(person, when(people.choice("outer_a"), garments.outer(places, people)))
     _, _, curtain, _ = style(people)
     person = over(person, when(1 - hat * (curtain < 0.5).to(hat), hair(places, people)))
     return over(person, when(hat, beanie(places, people)))

@@ -15,11 +15,25 @@ IRIS, PUPIL = 0.0058, 0.0024
 
 # display RGB from the palest to the darkest skin, evenly spaced in measure
 SKIN_TONES = torch.tensor(
-    [[0.96, 0.84, 0.76], [0.91, 0.75, 0.64], [0.82, 0.63, 0.50], [0.68, 0.48, 0.36], [0.48, 0.32, 0.23], [0.30, 0.19, 0.14]]
+    [
+        [0.96, 0.84, 0.76],
+        [0.91, 0.75, 0.64],
+        [0.82, 0.63, 0.50],
+        [0.68, 0.48, 0.36],
+        [0.48, 0.32, 0.23],
+        [0.30, 0.19, 0.14],
+    ]
 )
 EYE_HUES = torch.tensor([[0.20, 0.12, 0.07], [0.36, 0.22, 0.11], [0.38, 0.40, 0.22], [0.32, 0.46, 0.56]])
 HAIR_TONES = torch.tensor(
-    [[0.06, 0.05, 0.05], [0.16, 0.10, 0.07], [0.32, 0.19, 0.11], [0.50, 0.33, 0.17], [0.76, 0.60, 0.36], [0.52, 0.20, 0.09]]
+    [
+        [0.06, 0.05, 0.05],
+        [0.16, 0.10, 0.07],
+        [0.32, 0.19, 0.11],
+        [0.50, 0.33, 0.17],
+        [0.76, 0.60, 0.36],
+        [0.52, 0.20, 0.09],
+    ]
 )
 
 
@@ -50,14 +64,22 @@ def skin(places: Places, people: People) -> Layer:
     tone = skin_tone(people)
     color = tone.expand(*x.shape, 3)
     front = ramp(z, 0.085, 0.11) * ramp(y, 0.57, 0.60)
-    flush = bump(x.abs(), 0.045, 0.022) * bump(y, 0.668, 0.022) + 0.8 * bump(x, 0, 0.014) * bump(y, 0.673, 0.014)
+    flush = bump(x.abs(), 0.045, 0.022) * bump(y, 0.668, 0.022) + 0.8 * bump(x, 0, 0.014) * bump(
+        y, 0.673, 0.014
+    )
     red = tone * torch.tensor([1.0, 0.80, 0.78]).to(x)
     color = mix(color, red, 0.55 * front * flush)
     hands = ramp(x.abs(), 0.72, 0.80) + ramp(-places.leg[..., 1], 0.88, 0.95)
     color = mix(color, red, 0.25 * hands)
-    color = mix(color, tone * 0.80, front * 0.5 * bump(x.abs(), EYE_X, 0.018) * bump(y, 0.699, 0.006))  # under the eyes
-    color = mix(color, tone * 0.45, front * bump(x.abs(), 0.0085, 0.0042) * bump(y, 0.6615, 0.0032))  # nostrils
-    color = mix(color, tone * 0.90, ramp(-y, -0.60, -0.575) * ramp(y, 0.52, 0.56) * ramp(z, 0.02, 0.06))  # under the chin
+    color = mix(
+        color, tone * 0.80, front * 0.5 * bump(x.abs(), EYE_X, 0.018) * bump(y, 0.699, 0.006)
+    )  # under the eyes
+    color = mix(
+        color, tone * 0.45, front * bump(x.abs(), 0.0085, 0.0042) * bump(y, 0.6615, 0.0032)
+    )  # nostrils
+    color = mix(
+        color, tone * 0.90, ramp(-y, -0.60, -0.575) * ramp(y, 0.52, 0.56) * ramp(z, 0.02, 0.06)
+    )  # under the chin
     color = lips(color, tone, x, y, front, people)
     color = eyes(color, tone, places, people, front)
     color = brows(color, x, y, front, people)
@@ -101,7 +123,7 @@ def eyes(color: Tensor, tone: Tensor, places: Places, people: People, front: Ten
     glint = torch.sqrt((x - torch.sign(x) * EYE_X - 0.0018) ** 2 + (y - EYE_Y - 0.0020) ** 2 + 1e-12)
     inner = mix(inner, torch.ones_like(iris), 0.9 * torch.sigmoid((0.0010 - glint) / 0.0002))
     inner = inner * (1 - 0.45 * ramp(y, EYE_Y + 0.0015, EYE_Y + 0.0045))[..., None]  # shade of the upper lid
-    shadow = (people.choice("makeup") * people.choice("woman"))
+    shadow = people.choice("makeup") * people.choice("woman")
     almond = torch.sqrt(((x.abs() - EYE_X) / 0.0150) ** 2 + ((y - EYE_Y - 0.0055) / 0.0058) ** 2)
     color = mix(color, tone * 0.55, 0.5 * shadow * front * ramp(1.3 - almond, 0, 0.6))
     lash = front * ramp(1.0 - ((x.abs() - EYE_X) / 0.0145).abs(), 0, 0.12)
@@ -114,7 +136,9 @@ def brow_area(x: Tensor, y: Tensor, people: People) -> Tensor:
     """1 on the eyebrows, in the frontal projection."""
     t = (x.abs() - 0.013) / 0.036  # 0 at the inner end, 1 at the outer
     height = 0.7285 + 0.0065 * torch.sin(3.1416 * (0.12 + 0.75 * t).clamp(0, 1)) - 0.002 * t
-    half = (0.0019 + 0.0022 * people.measure("brow") - 0.0008 * people.choice("woman")) * (1.25 - 0.75 * t.clamp(0, 1))
+    half = (0.0019 + 0.0022 * people.measure("brow") - 0.0008 * people.choice("woman")) * (
+        1.25 - 0.75 * t.clamp(0, 1)
+    )
     inside = torch.minimum(half - (y - height).abs(), 0.012 * torch.minimum(t, 1 - t) + 0.0004)
     return torch.sigmoid(inside / 0.0007)
 
@@ -137,7 +161,11 @@ def beard(places: Places, people: People) -> Tensor:
     cheek = 0.651 + 0.055 * ramp(0.090 - z, 0, 0.035)  # rises into the sideburns
     throat = 0.588 + 0.35 * (0.11 - z).clamp(min=0)  # follows the jaw
     jaw = ramp(cheek - y, -0.007, 0.008) * ramp(y - throat, -0.006, 0.006) * ramp(z, 0.040, 0.055)
-    upper = ramp(0.0115 - (y - 0.6525).abs() - 0.12 * x.abs(), 0.0035, 0.0065) * ramp(0.03 - x.abs(), 0, 0.004) * ramp(z, 0.1, 0.11)
+    upper = (
+        ramp(0.0115 - (y - 0.6525).abs() - 0.12 * x.abs(), 0.0035, 0.0065)
+        * ramp(0.03 - x.abs(), 0, 0.004)
+        * ramp(z, 0.1, 0.11)
+    )
     cover = torch.maximum(jaw, upper)
     stubble = 0.22 * (kind == 1).to(x) * cover
     moustache = 0.9 * (kind == 2).to(x) * upper

@@ -1,0 +1,168 @@
+"""The warm start: endless seeded people, exact resuming, errors that stop it, finer planes that start
+silent.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from avatargen.avatar import shipped
+from avatargen.body.load import load_body
+from avatargen.body.model import CanonicalBody, canonical_body
+from avatargen.errors import TrainingError
+from avatargen.generator.checkpoint import load_checkpoint
+from avatargen.generator.config import DEBUG, GeneratorConfig, for_body
+from avatargen.generator.generator import AvatarGenerator
+from avatargen.training.pool import cached_pool
+from avatargen.training.warm_start import (
+    Stream,
+    WarmStartConfig,
+    learning_rate,
+    near_surface,
+    new_state,
+    step_once,
+    train,
+)
+from avatargen.wardrobe.attributes import LATENT_SIZE
+
+TINY = WarmStartConfig(steps=8, people=4, points=256, pool=20_000, save_every=4, report_every=100, warm_up=2)
+
+
+@pytest.fixture(scope="module")
+def body() -> CanonicalBody:
+    return canonical_body(load_body(shipped("body.npz")))
+
+
+@pytest.fixture(scope="module")
+def config(body: CanonicalBody) -> GeneratorConfig:
+    return replace(for_body(DEBUG, body), mapping=replace(DEBUG.mapping, z_size=LATENT_SIZE))
+
+
+@pytest.fixture(scope="module")
+def pool_file(body: CanonicalBody, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pool") / "pool.npz"
+    cached_pool(path, body, TINY.pool, TINY.seed)
+    return path
+
+
+@pytest.fixture
+def stream(body: CanonicalBody, pool_file: Path) -> Stream:
+    return Stream(cached_pool(pool_file, body, TINY.pool, TINY.seed), TINY)
+
+
+def run(
+    folder: Path, pool_file: Path, config: GeneratorConfig, training: WarmStartConfig, body: CanonicalBody
+):
+    folder.mkdir(exist_ok=True)
+    (folder / "pool.npz").write_bytes(pool_file.read_bytes())
+    return train(config, training, body, folder, report=[].append)
+
+
+def test_a_step_draws_the_same_people_again_and_others_the_next(stream: Stream):
+    first, again, other = stream.batch(3, 4), stream.batch(3, 4), stream.batch(4, 4)
+
+    assert torch.equal(first.target.sdf, again.target.sdf) and torch.equal(first.places.p, again.places.p)
+    assert not torch.equal(first.people.z, other.people.z)
+    assert first.betas.abs().max() <= 2.8
+
+
+def test_kept_points_are_distinct_and_near_the_surface():
+    sdf = torch.linspace(-0.2, 0.2, 1000).repeat(3, 1)
+    kept = near_surface(sdf, 300, torch.Generator().manual_seed(0))
+
+    assert all(len(set(row.tolist())) == 300 for row in kept)
+    assert sdf.gather(1, kept).abs().mean() < 0.7 * sdf.abs().mean()
+
+
+def test_training_lowers_both_errors(config: GeneratorConfig, stream: Stream):
+    training = replace(TINY, steps=60, learning_rate=1e-2)
+    state = new_state(config, training)
+    errors = [step_once(state, stream.batch(i, 4), training) for i in range(training.steps)]
+    first, last = errors[:10], errors[-10:]
+
+    assert np.mean([e.distance_mm for e in last]) < 0.8 * np.mean([e.distance_mm for e in first])
+    assert np.mean([e.colour for e in last]) < 0.97 * np.mean([e.colour for e in first])
+
+
+def test_a_stopped_run_continues_with_the_same_numbers(
+    tmp_path: Path, pool_file: Path, config: GeneratorConfig, body: CanonicalBody
+):
+    """The file after 4 + 4 steps holds the same weights as after 8: stopping is only a matter of time."""
+    whole = run(tmp_path / "whole", pool_file, config, TINY, body)
+    run(tmp_path / "parts", pool_file, config, replace(TINY, save_every=4), body)
+    (tmp_path / "parts" / "state.pt").unlink()
+    stopped = StopAfter(4)
+    with pytest.raises(KeyboardInterrupt), stopped:
+        run(tmp_path / "parts", pool_file, config, TINY, body)
+    resumed = run(tmp_path / "parts", pool_file, config, TINY, body)
+    a, b = (load_checkpoint(tmp_path / n / "generator.safetensors") for n in ("whole", "parts"))
+
+    assert resumed == whole
+    assert a.weights_hash == b.weights_hash
+
+
+class StopAfter:
+    """Interrupts the training loop once it has saved `steps` steps."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+
+    def __enter__(self) -> None:
+        import avatargen.training.warm_start as module
+
+        self.module, self.original = module, module.step_once
+
+        def step(state, batch, config):
+            if state.step >= self.steps + 1:
+                raise KeyboardInterrupt
+            return self.original(state, batch, config)
+
+        module.step_once = step
+
+    def __exit__(self, *_: object) -> None:
+        self.module.step_once = self.original
+
+
+def test_a_loss_that_is_no_number_stops_the_run(config: GeneratorConfig, stream: Stream):
+    state = new_state(config, TINY)
+    with torch.no_grad():
+        state.generator.synthesis.constant.fill_(float("nan"))
+
+    with pytest.raises(TrainingError, match="learning-rate"):
+        step_once(state, stream.batch(0, 4), TINY)
+
+
+def test_a_run_of_other_networks_is_not_continued(
+    tmp_path: Path, pool_file: Path, config: GeneratorConfig, body: CanonicalBody
+):
+    run(tmp_path, pool_file, config, replace(TINY, steps=4), body)
+    wider = replace(config, decoder=replace(config.decoder, width=24))
+
+    with pytest.raises(TrainingError, match="another folder"):
+        run(tmp_path, pool_file, wider, TINY, body)
+
+
+def test_finer_planes_start_silent(config: GeneratorConfig):
+    finer = replace(config, synthesis=replace(config.synthesis, blocks=((4, 16), (8, 16), (16, 16), (32, 8))))
+    torch.manual_seed(0)
+    coarse = AvatarGenerator(config)
+    fine = new_state(finer, TINY, coarser=coarse.state_dict()).generator
+    w = torch.randn(2, config.mapping.w_size, generator=torch.Generator().manual_seed(0))
+    a, b = coarse.planes(w), fine.planes(w)
+
+    # the finer planes are the coarse ones upsampled: equal in the mean of every 2 x 2 texels, but for the
+    # filter's blur
+    pooled = torch.nn.functional.avg_pool2d(b.flatten(0, 1), 2).view_as(a)
+    assert (pooled - a).abs().mean() < 0.35 * a.abs().mean()
+    with pytest.raises(TrainingError, match="plane resolutions"):
+        new_state(config, TINY, coarser=fine.state_dict() | {"odd": w})
+
+
+def test_the_learning_rate_warms_up_and_comes_down():
+    rates = [learning_rate(step, WarmStartConfig(steps=1000)) for step in range(1000)]
+
+    assert rates[0] < rates[99] and max(rates) == pytest.approx(3e-3, rel=0.02)
+    assert rates[-1] == pytest.approx(5e-5, rel=0.1) and all(np.diff(rates[101:]) < 0)
