@@ -126,9 +126,11 @@ def random_phenotypes(count: int, rng: np.random.Generator) -> list[dict[str, fl
 
 def load_samples(count: int, seed: int) -> AnnySamples:
     """Sample `count` adults from anny."""
-    import anny
+    import anny  # pyright: ignore[reportMissingImports]
     import torch
-    from anny.face_segmentation import get_face_segmentation_mask
+    from anny.face_segmentation import (  # pyright: ignore[reportMissingImports]
+        get_face_segmentation_mask,
+    )
 
     model = anny.Anny(local_changes="default", phenotypes="all").to(dtype=torch.float64)
     identity = torch.eye(4, dtype=torch.float64)[None, None].repeat(1, model.bone_count, 1, 1)
@@ -399,7 +401,7 @@ def main() -> None:
     """Write the default body and the wardrobe's marks on it to the two paths given on the command line."""
     body, marks = derive()
     save_body(body, Path(sys.argv[1]))
-    np.savez_compressed(sys.argv[2], **marks)
+    np.savez_compressed(sys.argv[2], allow_pickle=False, **marks)
 
 
 if __name__ == "__main__":

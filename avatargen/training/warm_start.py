@@ -4,8 +4,7 @@
     z --generator-> signed distance, colour at the same points  (the prediction)
 
 Every step draws new people, seeded by (seed, step), so a resumed run continues with the same numbers. The
-checkpoint that ships
-holds the exponential moving average of the weights.
+checkpoint that ships holds the exponential moving average of the weights.
 """
 
 import copy
@@ -16,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -49,7 +49,8 @@ class WarmStartConfig:
     points: int = 4096  # a person
     candidates: int = 2  # pool points looked at for each one kept
     learning_rate: float = 3e-3
-    final_learning_rate: float = 5e-5
+    final_learning_rate: float = 0.02  # of the first one
+    field_rate: float = 4.0  # learning rate of mapping and decoder over that of planes and vertex features
     warm_up: int = 100
     averaging: float = 0.998  # of the weights, a step
     distance_unit: float = 0.01  # m; a distance error of this size costs as much as a colour error of 1
@@ -168,9 +169,8 @@ def learning_rate(step: int, config: WarmStartConfig) -> float:
     if step < config.warm_up:
         return config.learning_rate * (step + 1) / config.warm_up
     t = min(1.0, (step - config.warm_up) / max(1, config.steps - config.warm_up))
-    return config.final_learning_rate + (config.learning_rate - config.final_learning_rate) * 0.5 * (
-        1 + math.cos(math.pi * t)
-    )
+    low = config.final_learning_rate
+    return config.learning_rate * (low + (1 - low) * 0.5 * (1 + math.cos(math.pi * t)))
 
 
 def held_out(generator: AvatarGenerator, stream: Stream, config: WarmStartConfig, batches: int = 8) -> Errors:
@@ -205,8 +205,22 @@ def new_state(
     generator = AvatarGenerator(config)
     if coarser is not None:
         refine(generator, coarser)
-    optimizer = torch.optim.Adam(generator.parameters(), lr=training.learning_rate, betas=(0.9, 0.99))
+    optimizer = torch.optim.Adam(
+        parameter_groups(generator, training), lr=training.learning_rate, betas=(0.9, 0.99)
+    )
     return State(step=0, generator=generator, average=copy.deepcopy(generator).eval(), optimizer=optimizer)
+
+
+def parameter_groups(generator: AvatarGenerator, training: WarmStartConfig) -> list[dict[str, Any]]:
+    """Two groups: what is stored at the size it is used at, and equalised layers, which need larger steps.
+
+    An equalised weight is of unit size whatever the layer's width, so the same step changes it relatively less.
+    """
+    equalised, plain = [], []
+    for name, parameter in generator.named_parameters():
+        field = name.startswith(("mapping.", "decoder.", "shape.")) and not name.endswith("vertex_features")
+        (equalised if field else plain).append(parameter)
+    return [{"params": plain, "rate": 1.0}, {"params": equalised, "rate": training.field_rate}]
 
 
 def refine(generator: AvatarGenerator, coarser: dict[str, Tensor]) -> None:
@@ -265,7 +279,7 @@ def step_once(state: State, batch: Batch, config: WarmStartConfig) -> Errors:
         TrainingError: the loss is not finite; the last saved state is kept.
     """
     for group in state.optimizer.param_groups:
-        group["lr"] = learning_rate(state.step, config)
+        group["lr"] = group["rate"] * learning_rate(state.step, config)
     loss, errors = losses(state.generator, batch, config)
     if not torch.isfinite(loss):
         raise TrainingError(

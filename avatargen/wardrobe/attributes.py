@@ -1,9 +1,8 @@
 """What a latent says about a person: the fixed Gaussian coding of the wardrobe's attributes.
 
 Every attribute owns one coordinate of z ~ N(0, I). A choice is the sign of its coordinate; a measure is
-Phi(z) in 0..1; a colour owns
-three coordinates: lightness by Phi and two opponent axes. So z is plain Gaussian noise to the generator,
-and every z is a person.
+Phi(z) in 0..1; a colour owns three coordinates: lightness by Phi and two opponent axes. So z is plain
+Gaussian noise to the generator, and every z is a person.
 
 Letters: B people, Z latent size. A column is [B 1], so that it broadcasts over N points.
 """
@@ -78,8 +77,8 @@ MEASURES = [
 COLOURS = ["hair", "top", "second", "bottom", "outer", "shoe"]
 LATENT_SIZE = 80
 
-_COORDINATE = {name: i for i, name in enumerate((*CHOICES, *MEASURES))}
-_COORDINATE |= {name: len(_COORDINATE) + 3 * i for i, name in enumerate(COLOURS)}
+_SINGLE = {name: i for i, name in enumerate((*CHOICES, *MEASURES))}
+_COORDINATE = _SINGLE | {name: len(_SINGLE) + 3 * i for i, name in enumerate(COLOURS)}
 
 # opponent axes (reddish-greenish, yellowish-bluish) in display RGB, of equal weight
 _OPPONENT = torch.tensor([[0.75, -0.45, -0.05], [0.45, 0.25, -0.80]])

@@ -20,9 +20,7 @@ from avatargen.body.model import CanonicalBody
 CLOSING = 0.04  # m: cloth bridges hollows narrower than twice this
 SOLE = 0.022  # m below the foot
 HIP_SPREAD = 0.4  # rad, of the X-pose
-
-
-FACE_LIFT = 0.0097  # m
+FACE_LIFT = 0.0097  # m, of shoulders and face over where the measures were taken
 
 
 def tailor(p: Float[Tensor, "*n 3"]) -> tuple[Tensor, Tensor, Tensor]:

@@ -1,8 +1,7 @@
 """What is worn from the neck down: tops, trousers, skirts, coats, shoes.
 
 A garment is the body (or its closing, where cloth bridges hollows) thickened and cut along the edges of its
-pattern pieces; wide
-sleeves and legs are cones, skirts a flared rounded prism around both legs.
+pattern pieces; wide sleeves and legs are cones, skirts a flared rounded prism around both legs.
 """
 
 import torch
