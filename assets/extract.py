@@ -1,24 +1,24 @@
 """The zero level of a field as a closed triangle surface: a narrow band from coarse to fine, then marching
 cubes.
 
-    cells of 16 ... 2 times the final size: keep those whose centre is near enough for the surface to pass
-    through cells of the final size: the same from two opposite corners, which neighbours share
-    ask the field at all corners of what is left, and follow the surface into neighbours the band has missed
-    marching cubes (Lorensen and Cline 1987) on the cells the surface crosses, its vertices slid along their
-    grid edges
+    cells from coarse to 1/128 of the box: keep those whose centre is near enough for the surface to pass
+    through between corners of these that lie on either side of the surface, halve to a fine cell that it
+    crosses from there follow the surface through crossed sides, cell by cell, until it closes
+    marching cubes (Lorensen and Cline 1987) on the cells the surface crosses
 
 A cell is near enough if |field| <= lipschitz * distance to its farthest point. Where the constant is not
 given it is estimated at each level, with a margin; a seeded sample of the skipped cells is audited, and one
-miss repeats the search with a wider band. Every point asked but the audit's is a corner of the final grid
-and is asked once.
+miss repeats the search with a wider band. Following asks at no corner but those of crossed cells, which is
+the least there is. Every point asked but the audit's is a corner of the final grid and is asked once. What
+the band can miss is a component of its own that is smaller than 1/128 of the box.
 
-Letters: C cells, K cells kept, N points. Metres; grid coordinates as in `assets.grid`.
+Letters: C cells, K cells kept, E edges, N points. Metres; grid coordinates as in `assets.grid`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float64, Int64
+from jaxtyping import Bool, Float, Float64, Int64
 
 from assets.errors import GeometryError
 from assets.field import Field, ask
@@ -28,9 +28,8 @@ from avatargen.errors import InputError
 
 SIDES = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 CORNERS_OF_SIDE = np.array([np.flatnonzero((CORNERS * 2 - 1) @ np.array(side) > 0) for side in SIDES])
+QUARTERS = [[np.array(offset) for offset in CORNERS if offset[axis] == 0] for axis in range(3)]
 HALVES = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-# largest sum of the distances from a point of a unit cube to two opposite corners
-FARTHEST_SUM = 1 + np.sqrt(2)
 MAX_RESOLUTION = 2048
 
 
@@ -40,13 +39,14 @@ class ExtractConfig:
 
     resolution: int = 512
     coarsest: int = 32  # cells along the longest side at the first level, at least
+    seeds: int = 128  # cells along the longest side at the last level of the band, at least
     lipschitz: float | None = None  # largest slope of the field; None: estimated
     slope_quantile: float = 0.995  # of the slopes met near the surface, for the estimate
     margin: float = 1.1  # on an estimated constant
     audit: int = 2000  # skipped cells checked at each level
     attempts: int = 4
     widen: float = 1.6  # growth of the band after a failed audit
-    slide: bool = True  # one more question a vertex, to bring it from the straight line's zero to the field's
+    # one more question a vertex, to bring it from the straight line's zero to the field's
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -88,10 +88,7 @@ def trace(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig) -
         band = find_band(values, config, widening)
         other_queries += band.queries
         if not band.missed:
-            surface, corners = march(values, follow_surface(values, band.cells))
-            if config.slide:
-                other_queries += len(surface.vertices)
-                surface = slide(surface, values)
+            surface, corners = march(values, follow_surface(values, seed_cells(values, band)))
             return Extraction(
                 surface=surface,
                 cell_size=grid.cell_size,
@@ -108,28 +105,30 @@ def trace(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig) -
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Cells of the final size that may hold the surface."""
+    """Cells of `size` fine cells along a side that may hold the surface."""
 
     cells: Int64[np.ndarray, "C 3"]
+    size: int
     queries: int  # beside those at corners of the grid
     missed: int  # audited points of skipped cells on the other side of the surface than their cell's centre
 
 
 def find_band(values: CornerValues, config: ExtractConfig, widening: float) -> Band:
-    """Halve cells until they have the final size, keeping at each level only those the surface may pass
+    """Halve cells until they are small enough, keeping at each level only those the surface may pass
     through."""
     grid, rng = values.grid, np.random.default_rng(config.seed)
-    size = 2 ** max(0, int(np.log2(config.resolution / config.coarsest)))
+    last = largest_power(config.resolution / config.seeds)
+    size = max(largest_power(config.resolution / config.coarsest), last)
     axes = [np.arange(0, count, size) for count in grid.shape]
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     queries = missed = 0
-    slope = config.lipschitz or 1.0
-    while size > 1 and len(cells):
+    while size > last and len(cells):
         centre = np.minimum(cells + size // 2, grid.shape)
         high = np.minimum(cells + size, grid.shape)
         reach = np.linalg.norm(np.maximum(centre - cells, high - centre), axis=1) * grid.cell_size
         value = values.at(centre)
-        if config.lipschitz is None:
+        slope = config.lipschitz
+        if slope is None:
             slope, asked = estimate_slope(values, cells, high, centre, config, rng)
             queries += asked
         near = np.abs(value) <= slope * widening * reach
@@ -139,7 +138,12 @@ def find_band(values: CornerValues, config: ExtractConfig, widening: float) -> B
         size //= 2
         cells = (cells[near][:, None] + size * HALVES).reshape(-1, 3)
         cells = cells[(cells < grid.shape).all(axis=1)]
-    return Band(cells=near_opposite_corners(values, cells, slope * widening), queries=queries, missed=missed)
+    return Band(cells=cells, size=size, queries=queries, missed=missed)
+
+
+def largest_power(number: float) -> int:
+    """The largest power of two that is not above a number; at least 1."""
+    return 2 ** max(0, int(np.log2(number)))
 
 
 def estimate_slope(
@@ -175,51 +179,73 @@ def audit(
     return int(((ask(values.sdf, values.grid.points(inner)) < 0) != (value < 0)).sum())
 
 
-def near_opposite_corners(
-    values: CornerValues, cells: Int64[np.ndarray, "C 3"], slope: float
-) -> Int64[np.ndarray, "K 3"]:
-    """Those cells that the surface may cross, judged by their all-even and their all-odd corner.
-
-    A zero at p needs |f(a)| <= slope |p - a| and |f(b)| <= slope |p - b|, so their sum is at most slope * (1
-    + sqrt 2) sides.
-    """
-    odd = cells & 1
-    a, b = values.at(cells + odd), values.at(cells + 1 - odd)
-    farthest = slope * FARTHEST_SUM * values.grid.cell_size
-    return cells[(np.abs(a) + np.abs(b) <= farthest) | ((a < 0) != (b < 0))]
-
-
-def follow_surface(values: CornerValues, band: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:
-    """Every cell that the surface crosses: those of the band, and those reached from them through crossed
-    sides.
+def seed_cells(values: CornerValues, band: Band) -> Int64[np.ndarray, "K 3"]:
+    """A fine cell that the surface crosses for each edge of the band's cells whose ends lie on either side
+    of it.
 
     Raises:
-        GeometryError: no cell is crossed, or the surface leaves the grid.
+        GeometryError: there is none.
     """
     grid = values.grid
-    listed = np.zeros(len(values.slot), dtype=bool)
-    frontier, found = band, np.zeros((0, 3), dtype=np.int64)
-    while len(frontier):
-        listed[grid.keys(frontier)] = True
-        inside = values.inside(frontier)
-        crossed = mixed(inside)
-        frontier, inside = frontier[crossed], inside[crossed]
-        found = np.concatenate([found, frontier])
-        beyond = np.concatenate(
-            [frontier[mixed(inside[:, i])] + s for s, i in zip(SIDES, CORNERS_OF_SIDE, strict=True)]
-        )
-        if ((beyond < 0) | (beyond >= grid.shape)).any():
-            raise GeometryError(
-                "extract: the surface touches the bounds and would stay open; give larger bounds"
-            )
-        keys = grid.keys(beyond)
-        frontier = grid.corners(np.unique(keys[~listed[keys]]))
-    if len(found) == 0:
+    found = [np.zeros((0, 3), dtype=np.int64)]
+    for axis in range(3):
+        low = np.concatenate([band.cells + band.size * offset for offset in QUARTERS[axis]])
+        low = grid.corners(np.unique(grid.keys(low[(low <= grid.shape).all(axis=1)])))
+        high = low.copy()
+        high[:, axis] = np.minimum(high[:, axis] + band.size, grid.shape[axis])
+        inside = values.at(low) < 0
+        crossed = inside != (values.at(high) < 0)
+        found.append(halve(values, low[crossed], high[crossed], inside[crossed], axis))
+    seeds = np.minimum(np.concatenate(found), grid.shape - 1)
+    if len(seeds) == 0:
         state = "inside" if len(values.values) and (values.values < 0).all() else "outside"
         raise GeometryError(
             f"extract: the bounds are all {state}, no surface; check the bounds and the field's sign"
         )
-    return found
+    return grid.corners(np.unique(grid.keys(seeds)))
+
+
+def halve(
+    values: CornerValues,
+    low: Int64[np.ndarray, "E 3"],
+    high: Int64[np.ndarray, "E 3"],
+    inside: Bool[np.ndarray, " E"],
+    axis: int,
+) -> Int64[np.ndarray, "E 3"]:
+    """The low ends of the fine edges where the sign changes on edges along an axis; `inside` is the sign at
+    `low`."""
+    low, high = low.copy(), high.copy()
+    while (high[:, axis] - low[:, axis] > 1).any():
+        middle = (low + high) // 2
+        same = ((values.at(middle) < 0) == inside)[:, None]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return low
+
+
+def follow_surface(values: CornerValues, seeds: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:
+    """Every cell that the surface crosses on its way from the seeds, through crossed sides.
+
+    Raises:
+        GeometryError: the surface leaves the grid.
+    """
+    grid = values.grid
+    listed = np.zeros(len(values.slot), dtype=bool)
+    frontier, found = seeds, [seeds[:0]]
+    while len(frontier):
+        listed[grid.keys(frontier)] = True
+        inside = values.inside(frontier)
+        found.append(frontier)
+        beyond = [
+            frontier[mixed(inside[:, i])] + side for side, i in zip(SIDES, CORNERS_OF_SIDE, strict=True)
+        ]
+        reached = np.concatenate(beyond)
+        if ((reached < 0) | (reached >= grid.shape)).any():
+            raise GeometryError(
+                "extract: the surface touches the bounds and would stay open; give larger bounds"
+            )
+        keys = grid.keys(reached)
+        frontier = grid.corners(np.unique(keys[~listed[keys]]))
+    return np.concatenate(found)
 
 
 def mixed(inside: np.ndarray) -> np.ndarray:
@@ -242,39 +268,3 @@ def march(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> tuple[Surfac
     corners = grid.points(grid.corners(values.keys[rows]))
     vertices, faces = igl.marching_cubes(values.values[rows], corners, place[index], 0.0)[:2]
     return Surface(vertices=np.asarray(vertices), faces=np.asarray(faces).astype(np.int64)), len(rows)
-
-
-def slide(surface: Surface, values: CornerValues) -> Surface:
-    """Move each vertex along its grid edge from the straight line's zero to the field's own, by inverse
-    quadratic interpolation.
-
-    A vertex stays on its edge, between the corner on the other side and where it was, so no face can turn
-    over. One question a vertex.
-    """
-    grid = values.grid
-    place = (surface.vertices - grid.low) / grid.cell_size
-    axis = np.argmax(np.abs(place - np.rint(place)), axis=1)
-    rows = np.arange(len(place))
-    low = np.rint(place).astype(np.int64)
-    low[rows, axis] = np.floor(place[rows, axis]).astype(np.int64)
-    high = low.copy()
-    high[rows, axis] += 1
-    at = ask(values.sdf, surface.vertices)
-    t = place[rows, axis] - low[rows, axis]
-    place[rows, axis] = low[rows, axis] + inverse_quadratic(values.at(low), at, values.at(high), t)
-    return Surface(vertices=grid.points(place), faces=surface.faces)
-
-
-def inverse_quadratic(
-    f0: Float64[np.ndarray, " N"],
-    ft: Float64[np.ndarray, " N"],
-    f1: Float64[np.ndarray, " N"],
-    t: Float64[np.ndarray, " N"],
-) -> Float64[np.ndarray, " N"]:
-    """Zero in 0..1 of a function with values f0, ft, f1 at 0, t, 1, where f0 and f1 differ in sign; t where
-    that fails."""
-    from_low = (f0 < 0) == (ft < 0)  # then the zero lies in t..1
-    least, most = np.where(from_low, t, 0.0), np.where(from_low, 1.0, t)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        zero = t * (f0 * f1) / ((ft - f0) * (ft - f1)) + (f0 * ft) / ((f1 - f0) * (f1 - ft))
-    return np.where((zero > least) & (zero < most), zero, t)

@@ -26,6 +26,8 @@ class Fragments:
 
 def rasterise(triangles: Float64[np.ndarray, "T 3 2"], width: int, height: int) -> Iterator[Fragments]:
     """Fragments of triangles inside a picture, in the triangles' order, in pieces of bounded size."""
+    if len(triangles) == 0:
+        return
     low = np.clip(np.ceil(triangles.min(axis=1) - 0.5), 0, [width, height]).astype(np.int64)
     high = np.clip(np.floor(triangles.max(axis=1) - 0.5), -1, [width - 1, height - 1]).astype(np.int64)
     extent = np.maximum(high - low + 1, 0)

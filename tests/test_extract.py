@@ -37,7 +37,7 @@ def dense_marching_cubes(sdf, resolution):
     [(sphere(0.61), 0), (torus(), 1), (union(sphere(0.3, (-0.5, 0, 0)), torus(0.2, 0.09)), None)],
 )
 def test_narrow_band_equals_the_dense_grid(sdf, holes):
-    surface = extract(sdf, BOX, ExtractConfig(resolution=96, coarsest=12, slide=False))
+    surface = extract(sdf, BOX, ExtractConfig(resolution=96, coarsest=12))
 
     vertices, faces = dense_marching_cubes(sdf, 96)
     assert len(surface.vertices) == len(vertices)
@@ -63,21 +63,11 @@ def test_closed_outward_exact_volume_and_bounds(sdf, exact, spread):
     assert np.abs(surface.vertices).max() == pytest.approx(spread, abs=1e-3)
 
 
-def test_vertices_lie_on_the_zero_level():
-    coarse = ExtractConfig(resolution=32, coarsest=8)
-    straight = extract(sphere(), BOX, ExtractConfig(resolution=32, coarsest=8, slide=False))
-    slid = extract(sphere(), BOX, coarse)
-
-    off = [np.abs(np.linalg.norm(s.vertices, axis=1) - 0.6).max() for s in (straight, slid)]
-    assert off[1] < off[0] / 10
-    assert not find_defects(slid)
-
-
 def test_few_questions_at_full_resolution():
     result = trace(person(), PERSON_BOX, ExtractConfig())
 
     assert result.cell_size == pytest.approx(2 / 512)
-    assert result.queries < 3 * result.crossing_corners
+    assert result.queries < 1.4 * result.crossing_corners
     assert result.attempts == 1
     assert not find_defects(result.surface)
 
@@ -119,7 +109,7 @@ def test_random_noise_gives_manifold_components():
         walls = points.abs().amax(dim=1) - 0.9
         return torch.maximum((torch.sin(points @ directions + phases).sum(dim=1) * 0.01), walls.double())
 
-    surface = extract(noise, BOX, ExtractConfig(resolution=48, coarsest=48, slide=False))
+    surface = extract(noise, BOX, ExtractConfig(resolution=48, coarsest=48))
     defects = find_defects(surface)
     assert (defects.bad_edges, defects.bad_vertices, defects.thin_faces) == (0, 0, 0)
 
