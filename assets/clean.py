@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from assets.errors import GeometryError
+from assets.mend import mend
 from assets.surface import (
     Surface,
     compact,
@@ -56,10 +57,12 @@ def tidy(surface: Surface) -> Cleaning:
     defects = find_defects(kept)
     if not defects:
         return Cleaning(surface=kept, dropped_components=dropped, repaired="")
-    repaired, lost = keep_largest(repair(kept))
-    return Cleaning(
-        surface=require_sound(repaired, "clean"), dropped_components=dropped + lost, repaired=str(defects)
-    )
+    for method in (mend, repair):
+        repaired, lost = keep_largest(method(kept))
+        if not find_defects(repaired):
+            break
+    repaired = require_sound(repaired, "clean")
+    return Cleaning(surface=repaired, dropped_components=dropped + lost, repaired=str(defects))
 
 
 def keep_largest(surface: Surface) -> tuple[Surface, int]:
@@ -86,14 +89,27 @@ def keep_largest(surface: Surface) -> tuple[Surface, int]:
 
 
 def repair(surface: Surface) -> Surface:
-    """Merge, remove and split until edges and vertices are manifold, then close small holes."""
+    """Merge, remove and split until edges and vertices are manifold, then close small holes.
+
+    Raises:
+        GeometryError: pymeshlab gives up.
+    """
+    import pymeshlab
+
     meshes = to_pymeshlab(surface)
-    for name in REPAIRS:
-        meshes.apply_filter(name)
-    meshes.apply_filter("meshing_remove_t_vertices", method="Edge Flip", threshold=T_VERTEX)
-    meshes.apply_filter("meshing_close_holes", maxholesize=MAX_HOLE_EDGES, newfaceselected=False)
-    meshes.apply_filter("meshing_re_orient_faces_coherently")
-    return from_pymeshlab(meshes)
+    try:
+        for name in REPAIRS:
+            meshes.apply_filter(name)
+        if find_defects(from_pymeshlab(meshes)).thin_faces:
+            meshes.apply_filter("meshing_remove_t_vertices", method="Edge Flip", threshold=T_VERTEX)
+        meshes.apply_filter("meshing_close_holes", maxholesize=MAX_HOLE_EDGES, newfaceselected=False)
+        meshes.apply_filter("meshing_re_orient_faces_coherently")
+    except pymeshlab.PyMeshLabException as error:  # pyright: ignore
+        detail = str(error).strip().splitlines()[-1]
+        raise GeometryError(
+            f"clean: pymeshlab cannot repair the surface ({detail}); try another resolution"
+        ) from error
+    return mend(from_pymeshlab(meshes))
 
 
 def to_pymeshlab(surface: Surface) -> Any:

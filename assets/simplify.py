@@ -8,13 +8,14 @@ import numpy as np
 
 from assets.clean import from_pymeshlab, tidy, to_pymeshlab
 from assets.errors import GeometryError
-from assets.surface import Surface, find_defects
+from assets.surface import Surface, find_defects, volume
 from avatargen.errors import InputError
 
 FEWEST_FACES = 4  # a tetrahedron
 # of fast-simplification, in the order tried; 3 is as exact as any and seldom tears
 # of fast-simplification, in the order tried: the lower, the more exact and the less it tears
 AGGRESSION = (2, 3, 4, 5)
+KEPT_VOLUME = 0.98  # share that a repair must leave: it shall not cut off a limb
 PASSES = 4  # of one aggression: a low one stops short of the target, and goes on when asked again
 
 
@@ -64,12 +65,16 @@ def candidates(surface: Surface, target_faces: int) -> Iterator[Surface]:
 
 
 def with_repair(surface: Surface) -> Iterator[Surface]:
-    """The surface, then the same cleaned."""
+    """The surface, then the same cleaned, if that takes no part of it away."""
     yield surface
+    if not find_defects(surface):
+        return
     try:
-        yield tidy(surface).surface
+        repaired = tidy(surface).surface
     except GeometryError:
         return
+    if volume(repaired) >= KEPT_VOLUME * volume(surface):
+        yield repaired
 
 
 def collapse_fast(surface: Surface, target_faces: int, aggression: int) -> Surface:

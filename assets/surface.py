@@ -15,6 +15,8 @@ from assets.errors import GeometryError
 
 THIN = 1e-9  # area of a face over the square of its longest edge, at or under which it has none
 
+FLAT = 1e-9  # volume over the cube of the extent, at or under which there is none
+
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
@@ -39,7 +41,7 @@ class Defects:
     bad_vertices: int  # vertices whose faces form more than one fan, or none
     thin_faces: int  # faces that name a vertex twice or have no area to speak of
     extra_components: int
-    inward: int  # 1 if the enclosed volume is not positive
+    inward: int  # 1 if the enclosed volume is negative or nothing to speak of
 
     def __bool__(self) -> bool:
         return any(vars(self).values())
@@ -56,7 +58,7 @@ def find_defects(surface: Surface) -> Defects:
         bad_vertices=count_split_vertices(surface, twin),
         thin_faces=count_thin_faces(surface),
         extra_components=max(0, int(label_components(surface)[0]) - 1),
-        inward=int(not volume(surface) > 0),
+        inward=int(not volume(surface) > FLAT * extent(surface) ** 3),
     )
 
 
@@ -157,6 +159,11 @@ def volume_parts(surface: Surface) -> Float64[np.ndarray, " F"]:
 def volume(surface: Surface) -> float:
     """Enclosed volume in cubic metres, positive if faces point outward."""
     return float(volume_parts(surface).sum())
+
+
+def extent(surface: Surface) -> float:
+    """Length of the diagonal of the box around the vertices, metres."""
+    return float(np.linalg.norm(np.ptp(surface.vertices, axis=0))) if len(surface.vertices) else 0.0
 
 
 def vertex_normals(surface: Surface) -> Float64[np.ndarray, "V 3"]:

@@ -5,6 +5,7 @@ from shapes import BOX, icosphere, join, sphere, union
 from assets.clean import clean, tidy
 from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
+from assets.mend import mend
 from assets.surface import Surface, find_defects, volume
 
 
@@ -75,6 +76,19 @@ def test_flaws_are_repaired(flaw):
 
     assert not find_defects(cleaned)
     assert volume(cleaned) == pytest.approx(4 / 3 * np.pi, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_mending_closes_any_soup(seed):
+    rng = np.random.default_rng(seed)
+    ball = icosphere(rounds=2)
+    faces = ball.faces[rng.random(len(ball.faces)) > 0.1]
+    twisted = rng.random(len(faces)) < 0.05
+    faces = np.where(twisted[:, None], faces[:, ::-1], faces)
+    crossing = rng.integers(0, len(ball.vertices), (20, 3))
+    doubled = faces[rng.integers(0, len(faces), 10)]
+    defects = find_defects(mend(with_faces(ball, np.concatenate([faces, crossing, doubled]))))
+    assert (defects.bad_edges, defects.bad_vertices) == (0, 0)
 
 
 def test_nothing_to_keep():
