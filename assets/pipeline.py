@@ -176,8 +176,6 @@ def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Floa
 def simplify_fitted(dense: Surface, avatar: AvatarFields, config: BuildConfig) -> Surface:
     """The surface at the faces asked for, moved onto the field where that leaves it sound."""
     simple = simplify(dense, SimplifyConfig(target_faces=config.faces))
-    if simple is dense:
-        return simple
     fitted = fit(simple, avatar.sdf)
     return simple if find_defects(fitted) else fitted
 

@@ -44,3 +44,13 @@ def test_nan_is_named():
         surface_error(
             icosphere(), lambda points: torch.full((len(points),), torch.nan), MeasureConfig(samples=10)
         )
+
+
+def test_samples_on_flat_places_of_the_field_are_found_along_their_normals():
+    def stepped(points):  # constant but for a thin layer at the surface: the gradient leads nowhere
+        distance = sphere(0.503)(points)
+        return distance.clamp(-0.001, 0.001)
+
+    error = surface_error(icosphere(0.5, rounds=5), stepped)
+    assert error.mean_mm == pytest.approx(3.1, rel=0.6)
+    assert error.max_mm < 6
