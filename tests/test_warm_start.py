@@ -145,5 +145,5 @@ def test_finer_planes_start_silent(config: GeneratorConfig):
 def test_the_learning_rate_warms_up_and_comes_down():
     rates = [learning_rate(step, WarmStartConfig(steps=1000)) for step in range(1000)]
 
-    assert rates[0] < rates[99] and max(rates) == pytest.approx(3e-3, rel=0.02)
-    assert rates[-1] == pytest.approx(0.02 * 3e-3, rel=0.1) and all(np.diff(rates[101:]) < 0)
+    assert rates[0] < rates[39] and max(rates) == pytest.approx(2.5e-3, rel=0.02)
+    assert rates[-1] == pytest.approx(0.02 * 2.5e-3, rel=0.1) and all(np.diff(rates[101:]) < 0)

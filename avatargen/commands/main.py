@@ -41,6 +41,11 @@ COMMANDS = (
         summary="train a generator on the procedural wardrobe; the same command resumes",
         function="avatargen.commands.train_warm_start:main",
     ),
+    Command(
+        words=("survey",),
+        summary="build many seeds: table of errors, contact sheet, files",
+        function="avatargen.commands.survey:main",
+    ),
 )
 
 

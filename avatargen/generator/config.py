@@ -40,7 +40,7 @@ class MappingConfig:
 class SynthesisConfig:
     """Tri-plane synthesis (section 3.2): (resolution, channels) from 4 up, doubling."""
 
-    blocks: tuple[tuple[int, int], ...] = ((4, 128), (8, 128), (16, 96), (32, 64), (64, 48))
+    blocks: tuple[tuple[int, int], ...] = ((4, 64), (8, 64), (16, 48), (32, 32))
     plane_channels: int = 32
     noise: bool = False  # fixed per-pixel noise with a learned strength; off keeps fields free of it
 

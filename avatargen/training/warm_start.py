@@ -44,14 +44,14 @@ HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
 class WarmStartConfig:
     """Settings of the warm start; lengths in steps unless said otherwise."""
 
-    steps: int = 12_000
-    people: int = 16  # a step
-    points: int = 4096  # a person
+    steps: int = 3600
+    people: int = 48  # a step; variety of people teaches more than points of each
+    points: int = 640  # a person
     candidates: int = 2  # pool points looked at for each one kept
-    learning_rate: float = 3e-3
+    learning_rate: float = 2.5e-3
     final_learning_rate: float = 0.02  # of the first one
-    field_rate: float = 4.0  # learning rate of mapping and decoder over that of planes and vertex features
-    warm_up: int = 100
+    field_rate: float = 3.0  # learning rate of mapping and decoder over that of planes and vertex features
+    warm_up: int = 40
     averaging: float = 0.998  # of the weights, a step
     distance_unit: float = 0.01  # m; a distance error of this size costs as much as a colour error of 1
     colour_weight: float = 1.5
@@ -214,7 +214,7 @@ def new_state(
 def parameter_groups(generator: AvatarGenerator, training: WarmStartConfig) -> list[dict[str, Any]]:
     """Two groups: what is stored at the size it is used at, and equalised layers, which need larger steps.
 
-    An equalised weight is of unit size whatever the layer's width, so the same step changes it relatively less.
+    An equalised weight is of unit size whatever the layer's width: the same step changes it relatively less.
     """
     equalised, plain = [], []
     for name, parameter in generator.named_parameters():
