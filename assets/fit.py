@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.sparse import coo_array, csr_array, diags_array
-from scipy.sparse.linalg import cg
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array
+from scipy.sparse.linalg import splu
 
 from assets.field import Field, ask
 from assets.surface import Surface, directed_edges, edge_lengths, face_normals, vertex_normals
@@ -87,7 +87,8 @@ def best_moves(
     matrix = csr_array(coo_array((entries.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=shape))
     normal_matrix = csr_array(matrix.T @ weight @ matrix)
     damped = normal_matrix + diags_array(damping * normal_matrix.diagonal() + 1e-9)
-    return cg(damped, -(matrix.T @ (weight @ residual.reshape(-1))), rtol=1e-3, maxiter=100)[0]
+    factor = splu(csc_array(damped), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return -factor.solve(matrix.T @ (weight @ residual.reshape(-1)))
 
 
 def mean_slope(

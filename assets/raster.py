@@ -52,10 +52,13 @@ def cover(
     within = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
     row, column = np.divmod(within, np.maximum(extent[triangle, 0], 1))
     x, y = low[triangle, 0] + column, low[triangle, 1] + row
-    barycentric = coordinates(triangles, triangle, np.stack([x, y], axis=1) + 0.5)
-    inside = (barycentric >= -ON_EDGE).all(axis=1)
+    b, c = weights(triangles, triangle, x + 0.5, y + 0.5)
+    inside = np.flatnonzero((b >= -ON_EDGE) & (c >= -ON_EDGE) & (b + c <= 1 + ON_EDGE))
+    b, c = b[inside], c[inside]
     return Fragments(
-        triangle=triangle[inside], pixel=(y * width + x)[inside], barycentric=barycentric[inside]
+        triangle=triangle[inside],
+        pixel=(y[inside] * width + x[inside]),
+        barycentric=np.stack([1 - b - c, b, c], axis=1),
     )
 
 
@@ -64,15 +67,24 @@ def coordinates(
     triangle: Int64[np.ndarray, " N"],
     points: Float64[np.ndarray, "N 2"],
 ) -> Float64[np.ndarray, "N 3"]:
-    """Barycentric coordinates of points in triangles, outside 0..1 beyond them; -1 in triangles without
+    """Barycentric coordinates of points in triangles, outside 0..1 beyond them; NaN in triangles without
     area."""
-    a, b, c = (triangles[:, corner] for corner in range(3))
-    u, v = b - a, c - a
+    b, c = weights(triangles, triangle, points[:, 0], points[:, 1])
+    return np.stack([1 - b - c, b, c], axis=1)
+
+
+def weights(
+    triangles: Float64[np.ndarray, "T 3 2"],
+    triangle: Int64[np.ndarray, " N"],
+    x: Float64[np.ndarray, " N"],
+    y: Float64[np.ndarray, " N"],
+) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, " N"]]:
+    """Barycentric weights of the second and the third corner, linear in x and y."""
+    a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     scale = np.where(np.abs(area) > 1e-12, 1 / np.where(np.abs(area) > 1e-12, area, 1.0), np.nan)
-    second = np.stack([v[:, 1], -v[:, 0]], axis=1) * scale[:, None]  # T 2: weight of b grows along it
-    third = np.stack([-u[:, 1], u[:, 0]], axis=1) * scale[:, None]
-    from_a = points - a[triangle]
-    weight_b = np.einsum("nd,nd->n", from_a, second[triangle])
-    weight_c = np.einsum("nd,nd->n", from_a, third[triangle])
-    return np.stack([1 - weight_b - weight_c, weight_b, weight_c], axis=1)
+    found = []
+    for across in (np.stack([v[:, 1], -v[:, 0]]) * scale, np.stack([-u[:, 1], u[:, 0]]) * scale):
+        at_origin = -(across[0] * a[:, 0] + across[1] * a[:, 1])
+        found.append(across[0][triangle] * x + across[1][triangle] * y + at_origin[triangle])
+    return found[0], found[1]
