@@ -128,8 +128,10 @@ def test_another_body_wears_the_same_people(monkeypatch: pytest.MonkeyPatch, tmp
     points = points_near_body(500)[0][0]
 
     assert not other.betas.any()
-    assert (other.sdf(points + torch.from_numpy(step)) - own.sdf(points)).abs().max() < 1e-3
-    assert (other.color(points + torch.from_numpy(step)) - own.color(points)).abs().max() < 1e-2
+    distance = (other.sdf(points + torch.from_numpy(step)) - own.sdf(points)).abs()
+    color = (other.color(points + torch.from_numpy(step)) - own.color(points)).abs().amax(dim=1)
+    # where two faces are equally near, rounding decides which one lends its features
+    assert ((distance < 1e-5) & (color < 1e-4)).float().mean() > 0.98
     finer = load_generator(weights, smpl_like_body()).sample(4)
     assert torch.isfinite(finer.sdf(points)).all()
 

@@ -30,7 +30,6 @@ from tests.bodies import capsule_body
 from tests.verdicts import khronos_issues
 
 PROJECT = Path(__file__).parents[1]
-SHIPPED = PROJECT / "avatargen" / "pretrained" / "generator.safetensors"
 SMALL = ["--resolution", "96", "--faces", "2000", "--texture", "128"]
 
 
@@ -236,9 +235,6 @@ def test_terminated_process_leaves_nothing(model: Model) -> None:
     assert os.listdir() == []
 
 
-@pytest.mark.skipif(
-    not SHIPPED.exists() and not os.environ.get("CI"), reason="the trained weights are not here"
-)
 def test_shipped_weights_from_seed_to_flawless_file() -> None:
     """The README's own command, defaults throughout, twice."""
     runs = []

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from assets import BuildConfig
 from avatargen.body.load import load_body
 from avatargen.commands import avatar_export, main
 from avatargen.commands.line import run_command
@@ -106,11 +107,10 @@ def test_help_answers_at_once_and_imports_nothing_heavy(command: str) -> None:
 
 
 def test_help_names_the_settings_own_defaults(capsys: pytest.CaptureFixture[str]) -> None:
-    pipeline = pytest.importorskip("assets.pipeline")
     with pytest.raises(SystemExit):
         avatar_export.parse(["--help"])
     text = " ".join(capsys.readouterr().out.split("the asset:")[1].split())
-    config = pipeline.BuildConfig()
+    config = BuildConfig()
     for name in ("faces", "texture", "resolution", "pose"):
         assert f"(default: {getattr(config, name)})" in text.split(f"--{name} ")[1].split("--")[0]
 

@@ -23,7 +23,7 @@ def chart() -> Chart:
 
 @pytest.fixture(scope="module")
 def people() -> People:
-    return People(torch.randn(24, LATENT_SIZE, generator=torch.Generator().manual_seed(5)))
+    return People(torch.randn(12, LATENT_SIZE, generator=torch.Generator().manual_seed(5)))
 
 
 def random_points(chart: Chart, count: int, reach: float, seed: int) -> np.ndarray:
@@ -78,21 +78,21 @@ def test_clothes_only_add_to_the_body(chart: Chart, people: People):
     places = chart.places(random_points(chart, 3000, 0.03, seed=3))
     person = dress_up(places[None], people)
 
-    assert person.sdf.shape == (24, 3000) and person.color.shape == (24, 3000, 3)
+    assert person.sdf.shape == (12, 3000) and person.color.shape == (12, 3000, 3)
     assert torch.isfinite(person.sdf).all() and torch.isfinite(person.color).all()
     assert (person.sdf <= places.body + 1e-6).all()
     assert person.color.min() >= 0 and person.color.max() <= 1
 
 
 def test_the_target_is_close_to_a_distance(chart: Chart, people: People):
-    near = random_points(chart, 3000, 0.02, seed=4)
+    near = random_points(chart, 1500, 0.02, seed=4)
     step = np.random.default_rng(4).normal(size=near.shape)
     step = (0.0005 * step / np.linalg.norm(step, axis=1, keepdims=True)).astype(np.float32)
     a, b = (dress_up(chart.places(p)[None], people).sdf for p in (near, near + step))
     slope = (a - b).abs() / 0.0005
 
     assert (slope > 1.5).float().mean() < 0.01
-    assert (slope > 4).float().mean() < 2e-4  # the body's own toes and lips touch: its distance jumps there
+    assert (slope > 4).float().mean() < 1e-3  # the body's own toes and lips touch: its distance jumps there
 
 
 def test_an_empty_wardrobe_choice_changes_nothing():

@@ -29,6 +29,9 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+    # Read when torch loads: threads that wait for work sleep; spinning, a busy machine made them four
+    # times as slow.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     signal.signal(signal.SIGTERM, terminate)
     try:
         command()

@@ -60,6 +60,7 @@ class WarmStartConfig:
     colour_band: float = 0.012  # m around the surface where colours count
     pool: int = 3_000_000
     seed: int = 0
+    held_out_batches: int = 8
     save_every: int = 250
     report_every: int = 25
 
@@ -173,10 +174,10 @@ def learning_rate(step: int, config: WarmStartConfig) -> float:
     return config.learning_rate * (low + (1 - low) * 0.5 * (1 + math.cos(math.pi * t)))
 
 
-def held_out(generator: AvatarGenerator, stream: Stream, config: WarmStartConfig, batches: int = 8) -> Errors:
+def held_out(generator: AvatarGenerator, stream: Stream, config: WarmStartConfig) -> Errors:
     """Mean errors on people no training step has seen."""
     with torch.no_grad():
-        unseen = (stream.batch(HELD_OUT_STEP + i, config.people) for i in range(batches))
+        unseen = (stream.batch(HELD_OUT_STEP + i, config.people) for i in range(config.held_out_batches))
         rows = [losses(generator, batch, config)[1] for batch in unseen]
     mean = {name: float(np.mean([getattr(row, name) for row in rows])) for name in vars(rows[0])}
     return Errors(**mean)
