@@ -222,3 +222,13 @@ def test_body_convert(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert "bad.pkl" in fails(["body", "convert", "bad.pkl", "x.npz"], capsys, program=main)
     assert ".npz" in fails(["body", "convert", "in.npz", "x.pkl"], capsys, program=main)
     assert not Path("ran").exists()
+
+
+def test_training_says_what_it_would_do(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["train", "warm-start", "--out", str(tmp_path / "run"), "--dry-run", "--training.steps", "7"]
+
+    assert main.main([*words, "--plane-resolution", "8"]) == 0
+    printed = capsys.readouterr().out
+    assert "blocks=((4, 64), (8, 64))" in printed
+    assert "steps=7" in printed
+    assert not (tmp_path / "run").exists()

@@ -1,0 +1,57 @@
+"""The survey: one honest row a seed, and sheets that hold every picture."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+from PIL import Image
+
+from avatargen.commands.survey import Row, contact_sheet, main, summary
+
+
+def row(seed: int, closed: bool, mean_mm: float) -> Row:
+    return Row(
+        seed=seed,
+        faces=20,
+        closed=closed,
+        mean_mm=mean_mm,
+        p99_mm=1.0,
+        max_mm=2.0 * seed,
+        bytes=9,
+        seconds=1.0,
+    )
+
+
+def test_summary_counts_and_takes_the_worst() -> None:
+    found = summary([row(1, True, 0.1), row(2, False, 0.3)])
+
+    assert (found["seeds"], found["closed"]) == (2, 1)
+    assert found["mean_mm"] == 0.2
+    assert found["worst_mean_mm"] == 0.3
+    assert found["worst_max_mm"] == 4.0
+
+
+def test_sheet_holds_every_picture_whole_in_rows_of_four() -> None:
+    pictures = [
+        np.full((6, width, 3), shade, np.uint8) for shade, width in enumerate((4, 8, 5, 8, 3), start=1)
+    ]
+    sheet = contact_sheet(pictures)
+
+    assert sheet.shape == (12, 32, 3)
+    for i in range(5):
+        cell = sheet[i // 4 * 6 : i // 4 * 6 + 6, i % 4 * 8 : i % 4 * 8 + 8]
+        assert (cell == i + 1).all()
+    assert (sheet[6:, 8:] == 238).all()
+
+
+def test_survey_of_the_shipped_weights(tmp_path: Path) -> None:
+    assert main(["--out", str(tmp_path), "--first", "5", "--count", "1", "--height", "64"]) == 0
+    found = json.loads((tmp_path / "survey.json").read_text())
+
+    assert found["closed"] == found["seeds"] == 1
+    assert abs(found["rows"][0]["faces"] - 20000) <= 400
+    assert found["rows"][0]["bytes"] == (tmp_path / "avatar_5.glb").stat().st_size
+    assert pygltflib.GLTF2().load(str(tmp_path / "avatar_5.glb")).skins is not None
+    for name in ("sheet.png", "faces.png"):
+        assert Image.open(tmp_path / name).height == 64
