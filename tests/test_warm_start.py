@@ -20,6 +20,7 @@ from avatargen.training.pool import cached_pool
 from avatargen.training.warm_start import (
     Stream,
     WarmStartConfig,
+    held_out,
     learning_rate,
     near_surface,
     new_state,
@@ -149,3 +150,13 @@ def test_the_learning_rate_warms_up_and_comes_down():
 
     assert rates[0] < rates[39] and max(rates) == pytest.approx(2.5e-3, rel=0.02)
     assert rates[-1] == pytest.approx(0.02 * 2.5e-3, rel=0.1) and all(np.diff(rates[101:]) < 0)
+
+
+def test_the_shipped_weights_know_people_no_step_has_drawn(body: CanonicalBody, pool_file: Path):
+    """The model card's claim, on fewer people and points."""
+    training = replace(TINY, people=24, points=1024, held_out_batches=1)
+    stream = Stream(cached_pool(pool_file, body, TINY.pool, TINY.seed), training)
+    errors = held_out(load_checkpoint(shipped("generator.safetensors")).generator, stream, training)
+
+    assert errors.distance_mm < 1.6
+    assert errors.colour < 0.08
