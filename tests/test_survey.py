@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pygltflib
 from PIL import Image
 
 from avatargen.commands.survey import Row, contact_sheet, main, summary
@@ -52,6 +51,5 @@ def test_survey_of_the_shipped_weights(tmp_path: Path) -> None:
     assert found["closed"] == found["seeds"] == 1
     assert abs(found["rows"][0]["faces"] - 20000) <= 400
     assert found["rows"][0]["bytes"] == (tmp_path / "avatar_5.glb").stat().st_size
-    assert pygltflib.GLTF2().load(str(tmp_path / "avatar_5.glb")).skins is not None
     for name in ("sheet.png", "faces.png"):
         assert Image.open(tmp_path / name).height == 64

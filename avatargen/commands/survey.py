@@ -89,9 +89,10 @@ def outcome(seed: int, asset: "Asset", size: int, seconds: float) -> Row:
     """A row from an asset and its own report."""
     from assets.surface import Surface, find_defects
 
+    assert asset.report is not None  # only assets that were not built have neither
+    assert asset.welded is not None
     vertices = np.zeros((asset.welded.max() + 1, 3))
     vertices[asset.welded] = asset.vertices
-    assert asset.report is not None  # only assets that were not built have none
     error = asset.report.error
     return Row(
         seed=seed,
