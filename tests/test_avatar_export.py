@@ -250,7 +250,7 @@ def test_shipped_weights_from_seed_to_flawless_file() -> None:
     document = check_file(Path("first.glb"), faces=20000, texture=1024)
     assert khronos_issues(Path("first.glb"))["messages"] == []
     assert [document.nodes[joint].name for joint in document.skins[0].joints] == list(SMPL_JOINT_NAMES)
-    assert report["error_mm"]["mean"] <= 0.1
-    assert report["error_mm"]["p99"] <= 0.5
+    assert report["error_mm"]["mean"] <= 0.2
+    assert report["error_mm"]["p99"] <= 1.0
     low, high = trimesh.load_scene(Path("first.glb")).bounds[:, 1]
     assert 1.2 < high - low < 2.3
