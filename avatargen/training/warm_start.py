@@ -44,7 +44,7 @@ HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
 class WarmStartConfig:
     """Settings of the warm start; lengths in steps unless said otherwise."""
 
-    steps: int = 3600
+    steps: int = 3150
     people: int = 48  # a step; variety of people teaches more than points of each
     points: int = 640  # a person
     candidates: int = 2  # pool points looked at for each one kept
