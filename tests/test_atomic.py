@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -22,15 +23,20 @@ def names(folder: Path) -> list[str]:
     return sorted(entry.name for entry in folder.iterdir())
 
 
-@pytest.fixture
+@contextmanager
 def small_files_only() -> Iterator[None]:
-    """A disk that is full after 1,000 bytes, by the process's own limit."""
+    """A disk that is full after 1,000 bytes, by the process's own limit.
+
+    Only around the write itself: pytest's own output may go to a longer file.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    signal.signal(signal.SIGXFSZ, handler)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, handler)
 
 
 def test_writes_new_and_replaces_old(tmp_path: Path) -> None:
@@ -44,12 +50,13 @@ def test_writes_new_and_replaces_old(tmp_path: Path) -> None:
     assert names(tmp_path) == ["a.glb"]
 
 
-def test_full_disk_leaves_the_old_file(tmp_path: Path, small_files_only: None) -> None:
+def test_full_disk_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.glb"
     write_atomically(path, OLD)
 
     with pytest.raises(InputError, match=r"cannot write .*a\.glb: File too large; choose a place"):
-        write_atomically(path, bytes(5000))
+        with small_files_only():
+            write_atomically(path, bytes(5000))
 
     assert path.read_bytes() == OLD
     assert names(tmp_path) == ["a.glb"]
@@ -88,12 +95,13 @@ def test_read_only_folder(tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
 
 
-def test_together_or_not_at_all(tmp_path: Path, small_files_only: None) -> None:
+def test_together_or_not_at_all(tmp_path: Path) -> None:
     first, second = tmp_path / "a.json", tmp_path / "a.glb"
     write_together([(first, OLD), (second, OLD)])
 
     with pytest.raises(InputError, match=r"cannot write .*a\.glb: File too large"):
-        write_together([(first, NEW), (second, bytes(5000))])
+        with small_files_only():
+            write_together([(first, NEW), (second, bytes(5000))])
     with pytest.raises(InputError, match="two are the same file"):
         write_together([(first, NEW), (tmp_path / "x" / ".." / "a.json", NEW)])
 
