@@ -54,9 +54,11 @@ def test_full_disk_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.glb"
     write_atomically(path, OLD)
 
-    with pytest.raises(InputError, match=r"cannot write .*a\.glb: File too large; choose a place"):
-        with small_files_only():
-            write_atomically(path, bytes(5000))
+    with (
+        pytest.raises(InputError, match=r"cannot write .*a\.glb: File too large; choose a place"),
+        small_files_only(),
+    ):
+        write_atomically(path, bytes(5000))
 
     assert path.read_bytes() == OLD
     assert names(tmp_path) == ["a.glb"]
@@ -99,9 +101,8 @@ def test_together_or_not_at_all(tmp_path: Path) -> None:
     first, second = tmp_path / "a.json", tmp_path / "a.glb"
     write_together([(first, OLD), (second, OLD)])
 
-    with pytest.raises(InputError, match=r"cannot write .*a\.glb: File too large"):
-        with small_files_only():
-            write_together([(first, NEW), (second, bytes(5000))])
+    with pytest.raises(InputError, match=r"cannot write .*a\.glb: File too large"), small_files_only():
+        write_together([(first, NEW), (second, bytes(5000))])
     with pytest.raises(InputError, match="two are the same file"):
         write_together([(first, NEW), (tmp_path / "x" / ".." / "a.json", NEW)])
 
