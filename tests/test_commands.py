@@ -150,9 +150,11 @@ def test_a_reader_that_left_is_no_error() -> None:
     assert (run.returncode, run.stderr) == (0, b"")
 
 
+# a runner in a shell's background ignores SIGINT, and so would its children
 INTERRUPTED = """
-import sys, time
+import signal, sys, time
 from avatargen.commands.line import run_command
+signal.signal(signal.SIGINT, signal.default_int_handler)
 def work():
     try:
         print("ready", flush=True)
