@@ -171,11 +171,7 @@ def trousers(places: Places, people: People) -> Layer:
         * people.measure("wear")
     )
     color = mix(color, color + 0.16, worn)
-    seam = (
-        bump((lateral - 0.1 * bump(down, 0.05, 0.25)).abs() * 0 + depth - centre_z, 0, 0.0035)
-        * ramp(lateral, 0.02, 0.04)
-        * ramp(down, -0.12, -0.05)
-    )
+    seam = bump(depth - centre_z, 0, 0.0035) * ramp(lateral, 0.02, 0.04) * ramp(down, -0.12, -0.05)
     color = mix(color, color * 0.72, 0.7 * seam)
     color = mix(
         color,
@@ -261,9 +257,9 @@ def skirt(places: Places, people: People) -> Layer:
     trim = ramp(0.02 - (y - end), -0.001, 0.001) * (people.measure("wear") > 0.6)
     color = mix(color, people.colour("second", chroma=0.2).expand_as(color), 0.8 * trim)
     color = color * (1 + 0.10 * wave * ramp(WAIST_Y - y, 0.05, 0.4))[..., None]
-    under = ramp(end - y, -0.0055, -0.002) + ramp(
-        places.body * 0 - (sdf - (end - y)).abs(), -0.002, 0
-    ) * ramp(y - end, 0.001, 0.01)
+    under = ramp(end - y, -0.0055, -0.002) + ramp(-(sdf - (end - y)).abs(), -0.002, 0) * ramp(
+        y - end, 0.001, 0.01
+    )
     color = mix(color, color * LINING, under.clamp(0, 1))
     return Layer(sdf=smooth_min(sdf, tight, 0.015), color=color.clamp(0, 1))
 
