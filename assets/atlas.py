@@ -21,7 +21,6 @@ from assets.errors import GeometryError
 from assets.surface import Surface, compact, directed_edges, edge_lengths, face_areas, opposite_edges
 from avatargen.errors import InputError
 
-# xatlas takes faces of 1e-7 square units for nothing: in metres that is a third of a millimetre
 NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
 ADOPTING_ROUNDS = 8
 MARGIN = 1.5  # texels between a face packed alone and its cell's border
