@@ -8,37 +8,13 @@ skeleton's rest pose.
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int, Int64, UInt8
+from jaxtyping import Float32, Int, Int64, UInt8
 
 from assets.errors import GeometryError
 from assets.measure import SurfaceError
+from assets.rig import Animation, Morph, Skeleton
 
 WEIGHT_SUM_LIMIT = 1e-5
-
-
-@dataclass(frozen=True, kw_only=True)
-class Skeleton:
-    """Joints by name, their parents (-1 for the root, parents before children) and their rest transforms."""
-
-    joint_names: tuple[str, ...]
-    parents: Int64[np.ndarray, " J"]
-    T_world_joint: Float64[np.ndarray, "J 4 4"]
-
-    def __post_init__(self) -> None:
-        if not len(self.joint_names) == len(self.parents) == len(self.T_world_joint):
-            raise GeometryError(
-                f"skeleton: {len(self.joint_names)} names, {len(self.parents)} parents and "
-                f"{len(self.T_world_joint)} transforms; one of each a joint is needed"
-            )
-        if not (self.parents < np.arange(len(self.parents))).all():
-            raise GeometryError("skeleton: a joint comes before its parent; sort the joints")
-        if not np.isfinite(self.T_world_joint).all():
-            raise GeometryError("skeleton: transforms hold NaN or infinity; check the pose and the betas")
-
-    @property
-    def joints(self) -> Float64[np.ndarray, "J 3"]:
-        """Rest positions, metres."""
-        return self.T_world_joint[:, :3, 3]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +59,8 @@ class Asset:
     skeleton: Skeleton
     info: AssetInfo
     welded: Int64[np.ndarray, " W"] | None = None  # each vertex's number before the seams split it
+    animations: tuple[Animation, ...] = ()
+    morphs: tuple[Morph, ...] = ()
     report: Report | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -97,7 +75,22 @@ class Asset:
         error = np.abs(self.weights.sum(axis=1, dtype=np.float64) - 1).max()
         if not error < WEIGHT_SUM_LIMIT or self.weights.min() < 0:
             raise GeometryError(f"asset: weight sums are off 1 by {error:.1e}, limit {WEIGHT_SUM_LIMIT:.0e}")
+        check_motion(self)
         if self.uv.min() < 0 or self.uv.max() > 1:
             raise GeometryError(
                 f"asset: uv reach from {self.uv.min():g} to {self.uv.max():g}; 0 to 1 is needed"
             )
+
+
+def check_motion(asset: Asset) -> None:
+    """Animations and morphs fit the asset and have names of their own."""
+    joint_count, vertex_count = len(asset.skeleton.parents), len(asset.vertices)
+    for kind, parts in (("animations", asset.animations), ("morphs", asset.morphs)):
+        if len({part.name for part in parts}) < len(parts):
+            raise GeometryError(f"asset: two {kind} share a name; give each its own")
+    for animation in asset.animations:
+        if animation.rotations.shape[1] != joint_count:
+            raise GeometryError(f"asset: animation {animation.name} is not of its {joint_count} joints")
+    for morph in asset.morphs:
+        if (len(morph.vertices), len(morph.joints)) != (vertex_count, joint_count):
+            raise GeometryError(f"asset: morph {morph.name} is not of its {vertex_count} vertices")

@@ -126,7 +126,10 @@ def build(avatar: AvatarFields, config: BuildConfig | None = None, progress: Pro
         weights=skin.weights[atlas.vertex_map],
         texture=texture.texels,
         skeleton=Skeleton(
-            joint_names=avatar.body.joint_names, parents=avatar.body.parents, T_world_joint=rest.T_world_joint
+            joint_names=avatar.body.joint_names,
+            parents=avatar.body.parents,
+            T_world_joint=rest.T_world_joint,
+            turns=rest.turns,
         ),
         info=asset_info(avatar),
         welded=atlas.vertex_map,

@@ -24,11 +24,15 @@ from avatargen.body.skinning import unskin
 
 @dataclass(frozen=True, kw_only=True)
 class RestMesh:
-    """Vertices, unit normals and joint frames in the rest pose; world axes at every joint."""
+    """Vertices, unit normals and joint frames in the rest pose; world axes at every joint.
+
+    `turns` are the rotations that took the joints there from the T-pose.
+    """
 
     vertices: Float64[np.ndarray, "V 3"]
     normals: Float64[np.ndarray, "V 3"]
     T_world_joint: Float64[np.ndarray, "J 4 4"]
+    turns: Float64[np.ndarray, "J 3 3"]
 
     @property
     def joints(self) -> Float64[np.ndarray, "J 3"]:
@@ -65,7 +69,12 @@ def to_rest(
     T_world_joint = np.tile(np.eye(4), (len(body.parents), 1, 1))
     T_world_joint[:, :3, 3] = rest.joints + lift
     posed = Surface(vertices=vertices + lift, faces=surface.faces)
-    return RestMesh(vertices=posed.vertices, normals=vertex_normals(posed), T_world_joint=T_world_joint)
+    return RestMesh(
+        vertices=posed.vertices,
+        normals=vertex_normals(posed),
+        T_world_joint=T_world_joint,
+        turns=rest.T_world_joint[:, :3, :3],
+    )
 
 
 def offsets(canonical: PosedBody, rest: PosedBody) -> Float64[np.ndarray, "B 3"]:

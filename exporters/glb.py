@@ -136,7 +136,7 @@ def joint_skin(skeleton: Skeleton, binary: Binary) -> gltf.Skin:
 
 def joint_nodes(skeleton: Skeleton) -> list[gltf.Node]:
     """A node for each joint, named as the body names it, with its rest transform relative to its parent."""
-    T_parent_joint = local_transforms(skeleton)
+    T_parent_joint = skeleton.T_parent_joint
     rotations = canonical_quaternions(T_parent_joint)
     nodes = []
     for joint, name in enumerate(skeleton.joint_names):
@@ -147,15 +147,6 @@ def joint_nodes(skeleton: Skeleton) -> list[gltf.Node]:
         node.children = children or None
         nodes.append(node)
     return nodes
-
-
-def local_transforms(skeleton: Skeleton) -> Float64[np.ndarray, "J 4 4"]:
-    """Parent <- joint for every joint; world <- joint for roots."""
-    local = skeleton.T_world_joint.astype(np.float64).copy()
-    child = skeleton.parents >= 0
-    T_world_parent = skeleton.T_world_joint[skeleton.parents[child]]
-    local[child] = np.linalg.inv(T_world_parent) @ local[child]
-    return local
 
 
 def canonical_quaternions(transforms: Float64[np.ndarray, "J 4 4"]) -> Float64[np.ndarray, "J 4"]:

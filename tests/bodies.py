@@ -6,7 +6,7 @@ import igl
 import numpy as np
 from scipy.spatial import KDTree
 
-from avatargen.body.load import SMPL_JOINT_NAMES
+from avatargen.body.joints import SMPL_JOINT_NAMES
 from avatargen.body.model import Body
 
 SMPL_PARENTS = np.array([-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21])

@@ -20,7 +20,8 @@ import pytest
 import trimesh
 
 from avatargen import __version__
-from avatargen.body.load import SMPL_JOINT_NAMES, save_body
+from avatargen.body.joints import SMPL_JOINT_NAMES
+from avatargen.body.load import save_body
 from avatargen.body.model import canonical_body
 from avatargen.commands import avatar_export, export_run
 from avatargen.generator.checkpoint import save_checkpoint

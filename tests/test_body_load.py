@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from avatargen.body.load import SMPL_JOINT_NAMES, load_body, save_body
+from avatargen.body.joints import SMPL_JOINT_NAMES
+from avatargen.body.load import load_body, save_body
 from avatargen.body.model import Body
 from avatargen.errors import InputError
 from tests.bodies import capsule_body, smpl_like_arrays

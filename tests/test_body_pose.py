@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from avatargen.body.load import SMPL_JOINT_NAMES
+from avatargen.body.joints import SMPL_JOINT_NAMES
 from avatargen.body.pose import axis_angle_to_matrix, load_pose, named_pose
 from avatargen.errors import InputError
 

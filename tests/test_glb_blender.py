@@ -6,7 +6,8 @@ import pytest
 
 import assets
 import avatargen
-from avatargen.body.load import SMPL_JOINT_NAMES, load_body
+from avatargen.body.joints import SMPL_JOINT_NAMES
+from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body

@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from avatargen.body.load import SMPL_JOINT_NAMES, save_body
+from avatargen.body.joints import SMPL_JOINT_NAMES
+from avatargen.body.load import save_body
 from avatargen.body.model import Body
 
 SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)

@@ -7,6 +7,7 @@ import numpy as np
 
 from avatargen.atomic import write_atomically
 from avatargen.body.arrays import read_npz
+from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.model import Body, require_shape
 from avatargen.body.pickle import convert_pickle
 from avatargen.errors import InputError
@@ -14,32 +15,6 @@ from avatargen.errors import InputError
 NEEDED = ("v_template", "weights", "J_regressor", "shapedirs")
 EITHER = (("faces", "f"), ("parents", "kintree_table"))
 OPTIONAL = ("posedirs", "joint_names")
-SMPL_JOINT_NAMES = (
-    "pelvis",
-    "left_hip",
-    "right_hip",
-    "spine1",
-    "left_knee",
-    "right_knee",
-    "spine2",
-    "left_ankle",
-    "right_ankle",
-    "spine3",
-    "left_foot",
-    "right_foot",
-    "neck",
-    "left_collar",
-    "right_collar",
-    "head",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
-    "left_wrist",
-    "right_wrist",
-    "left_hand",
-    "right_hand",
-)
 MAX_JOINTS = 1000
 WEIGHT_SUM_TOLERANCE = 1e-3  # of a file; rows are rescaled to 1 after the check
 WEIGHT_SUM_ROUNDING = 1e-6  # rows this near to 1 are left as they are
@@ -147,12 +122,10 @@ def read_parents(arrays: dict[str, np.ndarray], joint_count: int) -> np.ndarray:
 
 
 def read_joint_names(arrays: dict[str, np.ndarray], joint_count: int) -> tuple[str, ...]:
-    """The file's joint names, or SMPL's 24 (its own files name none), or joint_00, joint_01 ..."""
+    """The file's joint names, or those of SMPL, SMPL-H or SMPL-X (their files name none), or joint_00 ..."""
     if "joint_names" in arrays:
         names = arrays["joint_names"]
         if names.dtype.kind != "U" or names.ndim != 1:
             raise InputError(f"body: joint_names are {names.dtype} {names.shape}; a list of text is needed")
         return tuple(names.tolist())
-    if joint_count == len(SMPL_JOINT_NAMES):
-        return SMPL_JOINT_NAMES
-    return tuple(f"joint_{index:02d}" for index in range(joint_count))
+    return JOINT_NAMES.get(joint_count, tuple(f"joint_{index:02d}" for index in range(joint_count)))
