@@ -1,9 +1,20 @@
 """The geometry half: from functions of points to a rigged, textured asset. Nothing here knows a network."""
 
-from assets.asset import Asset
+from assets.asset import Asset, PlainAsset, TexturedAsset
 from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
-from assets.pipeline import BuildConfig, build
+from assets.pipeline import BuildConfig, build, build_content
 from assets.surface import Surface
 
-__all__ = ["Asset", "BuildConfig", "ExtractConfig", "GeometryError", "Surface", "build", "extract"]
+__all__ = [
+    "Asset",
+    "BuildConfig",
+    "ExtractConfig",
+    "GeometryError",
+    "PlainAsset",
+    "Surface",
+    "TexturedAsset",
+    "build",
+    "build_content",
+    "extract",
+]

@@ -1,5 +1,8 @@
-"""The asset: one rigged, textured person, with everything an exporter needs and what it cost to make.
+"""The asset: one person with everything an exporter needs and what it cost to make.
 
+    PlainAsset (a mesh) -> TexturedAsset (and its colours) -> Asset (and its skeleton)
+
+A scene that needs no skeleton or no colours gets one of the smaller types: what is left out is not there.
 Letters: W vertices after the texture's seams have split them, F faces, J joints, S texels along a side.
 Metres, y up, facing +z; uv origin at the texture's top left, as in glTF. The vertices stand in the
 skeleton's rest pose.
@@ -12,6 +15,7 @@ from jaxtyping import Float32, Int, Int64, UInt8
 
 from assets.errors import GeometryError
 from assets.measure import SurfaceError
+from assets.plan import LeftOut
 from assets.rig import Animation, Morph, Skeleton
 
 WEIGHT_SUM_LIMIT = 1e-5
@@ -37,8 +41,8 @@ class Report:
     welded_vertices: int
     queries: int  # points the field was asked at for the surface
     dropped_components: int
-    texture_coverage: float  # share of texels that a face uses
-    left_out: tuple[str, ...]
+    texture_coverage: float  # share of texels that a face uses; 0 without a texture
+    left_out: tuple[LeftOut, ...]
 
     @property
     def total_seconds(self) -> float:
@@ -46,40 +50,65 @@ class Report:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asset:
-    """A rigged, textured mesh. Raises GeometryError where its parts do not fit."""
+class PlainAsset:
+    """A mesh in its rest pose and where it comes from. Raises GeometryError where its parts do not fit."""
 
     vertices: Float32[np.ndarray, "W 3"]
     normals: Float32[np.ndarray, "W 3"]
-    uv: Float32[np.ndarray, "W 2"]
     faces: Int64[np.ndarray, "F 3"]
-    joints: Int[np.ndarray, "W 4"]
-    weights: Float32[np.ndarray, "W 4"]
-    texture: UInt8[np.ndarray, "S S 3"]
-    skeleton: Skeleton
     info: AssetInfo
     welded: Int64[np.ndarray, " W"] | None = None  # each vertex's number before the seams split it
-    animations: tuple[Animation, ...] = ()
-    morphs: tuple[Morph, ...] = ()
     report: Report | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("vertices", "normals", "uv", "weights"):
-            if not np.isfinite(getattr(self, name)).all():
-                raise GeometryError(f"asset: {name} hold NaN or infinity; the stage before failed")
+        require_finite(vertices=self.vertices, normals=self.normals)
         count = len(self.vertices)
         if len(self.faces) == 0 or self.faces.min() < 0 or self.faces.max() >= count:
             raise GeometryError(f"asset: faces must name some of the {count} vertices")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TexturedAsset(PlainAsset):
+    """A mesh with a base colour texture."""
+
+    uv: Float32[np.ndarray, "W 2"]
+    texture: UInt8[np.ndarray, "S S 3"]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_finite(uv=self.uv)
+        if self.uv.min() < 0 or self.uv.max() > 1:
+            raise GeometryError(
+                f"asset: uv reach from {self.uv.min():g} to {self.uv.max():g}; 0 to 1 is needed"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asset(TexturedAsset):
+    """A rigged, textured mesh: the whole of what an avatar can be."""
+
+    joints: Int[np.ndarray, "W 4"]
+    weights: Float32[np.ndarray, "W 4"]
+    skeleton: Skeleton
+    animations: tuple[Animation, ...] = ()
+    morphs: tuple[Morph, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_finite(weights=self.weights)
         if self.joints.min() < 0 or self.joints.max() >= len(self.skeleton.parents):
             raise GeometryError(f"asset: joints must be among the skeleton's {len(self.skeleton.parents)}")
         error = np.abs(self.weights.sum(axis=1, dtype=np.float64) - 1).max()
         if not error < WEIGHT_SUM_LIMIT or self.weights.min() < 0:
             raise GeometryError(f"asset: weight sums are off 1 by {error:.1e}, limit {WEIGHT_SUM_LIMIT:.0e}")
         check_motion(self)
-        if self.uv.min() < 0 or self.uv.max() > 1:
-            raise GeometryError(
-                f"asset: uv reach from {self.uv.min():g} to {self.uv.max():g}; 0 to 1 is needed"
-            )
+
+
+def require_finite(**arrays: np.ndarray) -> None:
+    """Raises GeometryError naming the first of the arrays that holds NaN or infinity."""
+    for name, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise GeometryError(f"asset: {name} hold NaN or infinity; the stage before failed")
 
 
 def check_motion(asset: Asset) -> None:

@@ -2,6 +2,8 @@
 
 extract -> clean -> simplify -> skin -> measure, rest -> bake
                                   `---> atlas (its own process) ---'
+
+Which of them run is planned first (`assets.plan`): a mesh alone has no atlas and no colours.
 """
 
 import time
@@ -9,39 +11,32 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
-from assets.asset import Asset, AssetInfo, Report, Skeleton
+from assets.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAsset
 from assets.atlas import Atlas, AtlasConfig, unwrap
 from assets.attach import attach
-from assets.bake import BakeConfig, bake_texture
-from assets.clean import tidy
-from assets.extract import ExtractConfig, trace
+from assets.bake import BakeConfig, Texture, bake_texture
+from assets.clean import Cleaning, tidy
+from assets.extract import ExtractConfig, Extraction, trace
 from assets.fit import fit
-from assets.measure import surface_error
-from assets.rest import to_rest
+from assets.joints import drop_idle_joints
+from assets.measure import SurfaceError, surface_error
+from assets.plan import Content, LeftOut, Plan, make_plan
+from assets.rest import RestMesh, to_rest
+from assets.rig import Skeleton
 from assets.simplify import SimplifyConfig, simplify
-from assets.skin import SkinConfig, parts_of_faces, skin_attached
+from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
 from assets.surface import Surface, find_defects
 from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
-SHARES = {
-    "extract": 0.4,
-    "clean": 0.08,
-    "simplify": 0.15,
-    "skin": 0.05,
-    "measure": 0.1,
-    "rest": 0.02,
-    "atlas": 0.05,
-    "bake": 0.15,
-}
 DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at faces
 
 
@@ -71,91 +66,153 @@ class AvatarFields(Protocol):
 class BuildConfig:
     """What the asset is to have. Raises InputError for values out of range."""
 
+    content: Content = "rigged"
     resolution: int = 512  # cells along the longest side of the avatar's box
-    faces: int = 20_000
+    faces: int | None = 20_000  # None: all that the resolution gives, for a mesh alone
     texture: int = 1024  # texels along a side
+    joints: Literal["all", "moving"] = "all"  # moving: those alone that move a vertex or carry one that does
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
     head_detail: float = 2.0  # texels along a line on the head for one on the body
     on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it
 
     def __post_init__(self) -> None:
         ExtractConfig(resolution=self.resolution)
-        SimplifyConfig(target_faces=self.faces)
+        if self.faces is not None:
+            SimplifyConfig(target_faces=self.faces)
         BakeConfig(texture_size=self.texture)
         AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
+        make_plan(self.content, self.faces, self.joints)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A mesh on the way: canonical, skinned, measured, posed, and unwrapped where that is planned."""
+
+    extraction: Extraction
+    cleaning: Cleaning
+    surface: Surface
+    skin: Skin
+    error: SurfaceError
+    rest: RestMesh
+    atlas: Atlas | None
 
 
 def build(avatar: AvatarFields, config: BuildConfig | None = None, progress: Progress | None = None) -> Asset:
     """The avatar as a rigged, textured mesh in a rest pose.
 
     Raises:
-        InputError: a pose that does not fit the body.
+        InputError: a pose that does not fit the body, or settings that ask for less than a rigged asset.
         GeometryError: the field has no closed surface inside the avatar's bounds, or it cannot be kept whole.
         FieldError: the field is NaN or infinite.
     """
-    config = config or BuildConfig()
+    asset = build_content(avatar, config or BuildConfig(), progress)
+    if not isinstance(asset, Asset):
+        raise InputError("build: the settings leave out the skeleton; use build_content for such assets")
+    return asset
+
+
+def build_content(avatar: AvatarFields, config: BuildConfig, progress: Progress | None = None) -> PlainAsset:
+    """The avatar as what `config.content` asks for: a `PlainAsset`, `TexturedAsset` or `Asset`.
+
+    Raises the errors of `build`, but for settings that ask for less.
+    """
+    plan = make_plan(config.content, config.faces, config.joints)
+    clock = Clock(plan, progress)
+    shape = make_shape(avatar, config, clock)
+    texture = None
+    if shape.atlas is not None:
+        with clock("bake"):
+            texture = bake_texture(
+                shape.surface, shape.atlas, avatar.color, BakeConfig(texture_size=config.texture)
+            )
+    plain = plain_asset(avatar, shape, make_report(shape, texture, config, clock))
+    if shape.atlas is None or texture is None:
+        return plain
+    textured = TexturedAsset(**vars(plain), uv=shape.atlas.uv, texture=texture.texels)
+    return textured if config.content == "textured" else rig(textured, shape, shape.atlas, avatar, config)
+
+
+def make_shape(avatar: AvatarFields, config: BuildConfig, clock: "Clock") -> Shape:
+    """The stages that make the mesh; charts are cut in a process of their own meanwhile."""
     rotations = find_pose(config.pose, avatar.body)
-    clock = Clock(progress)
     with clock("extract"):
         extraction = trace(avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution))
     with clock("clean"):
         cleaning = tidy(extraction.surface)
-    with clock("simplify"):
-        surface = simplify_fitted(cleaning.surface, avatar, config)
+    surface = cleaning.surface
+    if config.faces is not None:
+        with clock("simplify"):
+            surface = simplify_fitted(surface, avatar, config.faces)
     with clock("skin"):
         attachment = attach(surface, avatar.body)
         skin = skin_attached(attachment, avatar.body, SkinConfig())
+    atlas = None
     with ThreadPoolExecutor(1) as beside:
-        charts = beside.submit(
-            unwrap, surface, parts_of_faces(surface, skin), atlas_config(avatar.body, config)
-        )
+        charts = None
+        if "atlas" in clock.plan.stages:
+            parts = parts_of_faces(surface, skin)
+            charts = beside.submit(unwrap, surface, parts, atlas_config(avatar.body, config))
         with clock("measure"):
             error = surface_error(surface, avatar.sdf)
         with clock("rest"):
             rest = to_rest(surface, skin, attachment, avatar.body, avatar.betas, rotations, config.on_ground)
-        with clock("atlas"):
-            atlas = charts.result()
-    with clock("bake"):
-        texture = bake_texture(surface, atlas, avatar.color, BakeConfig(texture_size=config.texture))
-    return Asset(
-        vertices=rest.vertices[atlas.vertex_map].astype(np.float32),
-        normals=rest.normals[atlas.vertex_map].astype(np.float32),
-        uv=atlas.uv,
-        faces=atlas.faces,
-        joints=skin.joints[atlas.vertex_map],
-        weights=skin.weights[atlas.vertex_map],
-        texture=texture.texels,
-        skeleton=Skeleton(
-            joint_names=avatar.body.joint_names,
-            parents=avatar.body.parents,
-            T_world_joint=rest.T_world_joint,
-            turns=rest.turns,
-        ),
+        if charts is not None:
+            with clock("atlas"):
+                atlas = charts.result()
+    return Shape(
+        extraction=extraction,
+        cleaning=cleaning,
+        surface=surface,
+        skin=skin,
+        error=error,
+        rest=rest,
+        atlas=atlas,
+    )
+
+
+def plain_asset(avatar: AvatarFields, shape: Shape, report: Report) -> PlainAsset:
+    """The mesh, split at the atlas's seams where there is one."""
+    welded = np.arange(len(shape.surface.vertices)) if shape.atlas is None else shape.atlas.vertex_map
+    return PlainAsset(
+        vertices=shape.rest.vertices[welded].astype(np.float32),
+        normals=shape.rest.normals[welded].astype(np.float32),
+        faces=shape.surface.faces if shape.atlas is None else shape.atlas.faces,
         info=asset_info(avatar),
-        welded=atlas.vertex_map,
-        report=Report(
-            seconds=tuple(clock.seconds.items()),
-            error=error,
-            welded_vertices=len(surface.vertices),
-            queries=extraction.queries,
-            dropped_components=cleaning.dropped_components,
-            texture_coverage=texture.coverage,
-            left_out=left_out(surface, atlas, config),
+        welded=welded,
+        report=report,
+    )
+
+
+def rig(
+    textured: TexturedAsset, shape: Shape, atlas: Atlas, avatar: AvatarFields, config: BuildConfig
+) -> Asset:
+    """A textured mesh with its skeleton and weights."""
+    body = avatar.body
+    asset = Asset(
+        **vars(textured),
+        joints=shape.skin.joints[atlas.vertex_map],
+        weights=shape.skin.weights[atlas.vertex_map],
+        skeleton=Skeleton(
+            joint_names=body.joint_names,
+            parents=body.parents,
+            T_world_joint=shape.rest.T_world_joint,
+            turns=shape.rest.turns,
         ),
     )
+    return drop_idle_joints(asset) if config.joints == "moving" else asset
 
 
 class Clock:
     """Seconds of each stage, and a word to whoever watches when one begins."""
 
-    def __init__(self, progress: Progress | None) -> None:
-        self.progress = progress
+    def __init__(self, plan: Plan, progress: Progress | None) -> None:
+        self.plan, self.progress = plan, progress
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
         if self.progress is not None:
-            self.progress(stage, sum(SHARES[done] for done in self.seconds))
+            self.progress(stage, self.plan.share(len(self.seconds)))
         start = time.perf_counter()
         yield
         self.seconds[stage] = time.perf_counter() - start
@@ -176,9 +233,9 @@ def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Floa
     return pose
 
 
-def simplify_fitted(dense: Surface, avatar: AvatarFields, config: BuildConfig) -> Surface:
+def simplify_fitted(dense: Surface, avatar: AvatarFields, faces: int) -> Surface:
     """The surface at the faces asked for, moved onto the field where that leaves it sound."""
-    simple = simplify(dense, SimplifyConfig(target_faces=config.faces))
+    simple = simplify(dense, SimplifyConfig(target_faces=faces))
     fitted = fit(simple, avatar.sdf)
     return simple if find_defects(fitted) else fitted
 
@@ -203,14 +260,24 @@ def asset_info(avatar: AvatarFields) -> AssetInfo:
     )
 
 
-def left_out(surface: Surface, atlas: Atlas, config: BuildConfig) -> tuple[str, ...]:
-    """What was not done, and why."""
-    reasons = [
-        "deformation network: the surface is taken in the canonical pose, where it has nothing to correct",
-        "volume rendering and upsampling: a file holds a surface, not a picture",
-    ]
-    if len(surface.faces) < 0.98 * config.faces:
-        reasons.append(f"simplification: the surface has only {len(surface.faces)} faces at this resolution")
-    if atlas.plain:
-        reasons.append(f"charts: faces are packed one by one, because {atlas.plain}")
-    return tuple(reasons)
+def make_report(shape: Shape, texture: Texture | None, config: BuildConfig, clock: Clock) -> Report:
+    """What the stages took, and what was left out: as planned, and as it turned out."""
+    left_out = list(clock.plan.left_out)
+    if config.faces is not None and len(shape.surface.faces) < 0.98 * config.faces:
+        only = f"the surface has only {len(shape.surface.faces)} faces at this resolution"
+        left_out.append(LeftOut(what="simplification", why=only))
+    if shape.cleaning.dropped_components:
+        count = shape.cleaning.dropped_components
+        left_out.append(LeftOut(what=f"{count} hidden or loose pieces", why="one closed surface is kept"))
+    if shape.atlas is not None and shape.atlas.plain:
+        why = f"faces are packed one by one, because {shape.atlas.plain}"
+        left_out.append(LeftOut(what="charts", why=why))
+    return Report(
+        seconds=tuple(clock.seconds.items()),
+        error=shape.error,
+        welded_vertices=len(shape.surface.vertices),
+        queries=shape.extraction.queries,
+        dropped_components=shape.cleaning.dropped_components,
+        texture_coverage=0.0 if texture is None else texture.coverage,
+        left_out=tuple(left_out),
+    )

@@ -1,5 +1,5 @@
-"""A picture of an asset on the CPU: front, back and face side by side, textured in soft light, or as a
-wireframe.
+"""A picture of an asset on the CPU: front, back and face side by side in soft light, textured, as clay where
+it has no texture, or as a wireframe.
 
 Orthographic cameras at the asset's rest pose, twice the pixels a side for smooth edges, numpy only.
 Letters: W vertices, F faces,
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64, Int64, UInt8
 from scipy.ndimage import gaussian_filter
 
-from assets.asset import Asset
+from assets.asset import Asset, PlainAsset, TexturedAsset
 from assets.raster import rasterise
 from avatargen.errors import InputError
 
@@ -60,13 +60,13 @@ class Camera:
     height: float
 
 
-def render(asset: Asset, config: PreviewConfig | None = None) -> UInt8[np.ndarray, "H L 3"]:
+def render(asset: PlainAsset, config: PreviewConfig | None = None) -> UInt8[np.ndarray, "H L 3"]:
     """The asset from each of the views, side by side."""
     config = config or PreviewConfig()
     return np.concatenate([render_view(asset, frame(asset, view), config) for view in config.views], axis=1)
 
 
-def frame(asset: Asset, view: str) -> Camera:
+def frame(asset: PlainAsset, view: str) -> Camera:
     """The camera of a view: the whole figure from the front or the back, or its face."""
     low, high = asset.vertices.min(axis=0).astype(np.float64), asset.vertices.max(axis=0).astype(np.float64)
     right, towards = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -77,14 +77,15 @@ def frame(asset: Asset, view: str) -> Camera:
         return Camera(
             centre=(low + high) / 2, right=side * right, towards=side * towards, width=width, height=height
         )
-    names = asset.skeleton.joint_names
-    neck = asset.skeleton.joints[names.index("head")] if "head" in names else low + 0.85 * (high - low)
+    neck = low + 0.85 * (high - low)
+    if isinstance(asset, Asset) and "head" in asset.skeleton.joint_names:
+        neck = asset.skeleton.joints[asset.skeleton.joint_names.index("head")]
     height = 1.6 * max(high[1] - neck[1], 0.01)
     centre = np.array([neck[0], neck[1] + 0.25 * height, neck[2]])
     return Camera(centre=centre, right=right, towards=towards, width=0.8 * height, height=height)
 
 
-def render_view(asset: Asset, camera: Camera, config: PreviewConfig) -> UInt8[np.ndarray, "H L 3"]:
+def render_view(asset: PlainAsset, camera: Camera, config: PreviewConfig) -> UInt8[np.ndarray, "H L 3"]:
     """One view, `config.height` pixels high."""
     height = config.height * OVERSAMPLING
     width = round(config.height * camera.width / camera.height) * OVERSAMPLING
@@ -100,12 +101,13 @@ def render_view(asset: Asset, camera: Camera, config: PreviewConfig) -> UInt8[np
         lighting(asset, camera, face, barycentric)
         * hollows(front.reshape(height, width), scale).reshape(-1)[pixel]
     )
-    if config.wireframe:
-        color = CLAY**GAMMA * light[:, None]
-        line = edge_nearness(places[asset.faces], face, barycentric)[:, None]
-        picture[pixel] = color * (1 - line) + LINE**GAMMA * line
-    else:
+    if isinstance(asset, TexturedAsset) and not config.wireframe:
         picture[pixel] = sample_texture(asset, face, barycentric) * light[:, None]
+    else:
+        picture[pixel] = CLAY**GAMMA * light[:, None]
+    if config.wireframe:
+        line = edge_nearness(places[asset.faces], face, barycentric)[:, None]
+        picture[pixel] = picture[pixel] * (1 - line) + LINE**GAMMA * line
     small = picture.reshape(
         height // OVERSAMPLING, OVERSAMPLING, width // OVERSAMPLING, OVERSAMPLING, 3
     ).mean(axis=(1, 3))
@@ -137,7 +139,7 @@ def nearest_faces(
 
 
 def lighting(
-    asset: Asset, camera: Camera, face: Int64[np.ndarray, " N"], barycentric: Float64[np.ndarray, "N 3"]
+    asset: PlainAsset, camera: Camera, face: Int64[np.ndarray, " N"], barycentric: Float64[np.ndarray, "N 3"]
 ) -> Float64[np.ndarray, " N"]:
     """Light on the surface: sky and ground, and two soft lamps that move with the camera."""
     normal = np.einsum("nc,ncd->nd", barycentric, asset.normals[asset.faces[face]].astype(np.float64))
@@ -170,7 +172,7 @@ def hollows(front: Float64[np.ndarray, "H L"], scale: float) -> Float64[np.ndarr
 
 
 def sample_texture(
-    asset: Asset, face: Int64[np.ndarray, " N"], barycentric: Float64[np.ndarray, "N 3"]
+    asset: TexturedAsset, face: Int64[np.ndarray, " N"], barycentric: Float64[np.ndarray, "N 3"]
 ) -> Float64[np.ndarray, "N 3"]:
     """The texture with bilinear filtering, in linear light."""
     size = len(asset.texture)

@@ -1,4 +1,5 @@
-"""A rigged asset as binary glTF 2.0: one skinned mesh, its skeleton, one PNG inside. Same asset, same bytes.
+"""An asset as binary glTF 2.0: one mesh and what else the asset has: a skeleton with a skin, one PNG inside.
+Same asset, same bytes.
 
 Conventions are glTF's and ours alike: metres, y up, facing +z, right-handed, faces counter-clockwise from
 outside, uv origin at the texture's top left. Letters: W vertices (seams split), F faces, J joints.
@@ -13,7 +14,7 @@ import pygltflib as gltf
 from jaxtyping import Float32, Float64, Shaped
 from scipy.spatial.transform import Rotation
 
-from assets.asset import Asset, AssetInfo, Skeleton
+from assets.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
 from exporters.png import encode_png
 
 ROUGHNESS = 0.8  # cloth and skin scatter light; nothing on the asset is metal
@@ -60,49 +61,56 @@ class Binary:
         return len(self.accessors) - 1
 
 
-def encode(asset: Asset) -> bytes:
-    """The asset as the bytes of a .glb file."""
+def encode(asset: PlainAsset) -> bytes:
+    """The asset as the bytes of a .glb file, with as much in it as the asset has."""
     binary = Binary()
-    mesh = gltf.Mesh(name="avatar", primitives=[mesh_primitive(asset, binary)])
-    skin = joint_skin(asset.skeleton, binary)
-    picture = gltf.Image(
-        name="base_color", mimeType=gltf.IMAGEPNG, bufferView=binary.add_bytes(encode_png(asset.texture))
-    )
-    joint_count = len(asset.skeleton.parents)
-    mesh_node = gltf.Node(name="avatar", mesh=0, skin=0)
-    roots = np.flatnonzero(asset.skeleton.parents < 0).tolist()
     document = gltf.GLTF2(
         asset=file_info(asset.info),
         scene=0,
-        scenes=[gltf.Scene(name="avatar", nodes=[*roots, joint_count])],
-        nodes=[*joint_nodes(asset.skeleton), mesh_node],
-        meshes=[mesh],
-        skins=[skin],
-        materials=[material()],
-        textures=[gltf.Texture(sampler=0, source=0)],
-        samplers=[texture_sampler()],
-        images=[picture],
-        accessors=binary.accessors,
-        bufferViews=binary.views,
-        buffers=[gltf.Buffer(byteLength=len(binary.data))],
+        scenes=[gltf.Scene(name="avatar", nodes=[0])],
+        nodes=[gltf.Node(name="avatar", mesh=0)],
+        meshes=[gltf.Mesh(name="avatar", primitives=[mesh_primitive(asset, binary)])],
+        materials=[material(textured=isinstance(asset, TexturedAsset))],
     )
+    if isinstance(asset, Asset):
+        add_skeleton(document, asset.skeleton, binary)
+    if isinstance(asset, TexturedAsset):
+        add_texture(document, encode_png(asset.texture), binary)
+    document.accessors, document.bufferViews = binary.accessors, binary.views
+    document.buffers = [gltf.Buffer(byteLength=len(binary.data))]
     document.set_binary_blob(bytes(binary.data))
     return b"".join(document.save_to_bytes())
 
 
-def mesh_primitive(asset: Asset, binary: Binary) -> gltf.Primitive:
-    vertex_count, joint_count = len(asset.vertices), len(asset.skeleton.parents)
-    joint_type = np.uint8 if joint_count <= 256 else np.uint16
-    index_type = np.uint16 if vertex_count <= 65535 else np.uint32  # 65535 itself is reserved
-    joints = np.where(asset.weights > 0, asset.joints, 0).astype(joint_type)
-    weights = exact_weights(asset.weights)
+def add_skeleton(document: gltf.GLTF2, skeleton: Skeleton, binary: Binary) -> None:
+    """Put the joints before the mesh's node, and a skin on it."""
+    joint_count = len(skeleton.parents)
+    document.skins = [joint_skin(skeleton, binary)]
+    document.nodes = [*joint_nodes(skeleton), gltf.Node(name="avatar", mesh=0, skin=0)]
+    document.scenes[0].nodes = [*np.flatnonzero(skeleton.parents < 0).tolist(), joint_count]
+
+
+def add_texture(document: gltf.GLTF2, png: bytes, binary: Binary) -> None:
+    """Put the base colour where the material expects it."""
+    picture = gltf.Image(name="base_color", mimeType=gltf.IMAGEPNG, bufferView=binary.add_bytes(png))
+    document.images = [picture]
+    document.samplers = [texture_sampler()]
+    document.textures = [gltf.Texture(sampler=0, source=0)]
+
+
+def mesh_primitive(asset: PlainAsset, binary: Binary) -> gltf.Primitive:
+    index_type = np.uint16 if len(asset.vertices) <= 65535 else np.uint32  # 65535 itself is reserved
     attributes = gltf.Attributes(
         POSITION=binary.add_array(asset.vertices.astype(np.float32), gltf.ARRAY_BUFFER, bounds=True),
         NORMAL=binary.add_array(unit(asset.normals), gltf.ARRAY_BUFFER),
-        TEXCOORD_0=binary.add_array(asset.uv.astype(np.float32), gltf.ARRAY_BUFFER),
-        JOINTS_0=binary.add_array(joints, gltf.ARRAY_BUFFER),
-        WEIGHTS_0=binary.add_array(weights, gltf.ARRAY_BUFFER),
     )
+    if isinstance(asset, TexturedAsset):
+        attributes.TEXCOORD_0 = binary.add_array(asset.uv.astype(np.float32), gltf.ARRAY_BUFFER)
+    if isinstance(asset, Asset):
+        joint_type = np.uint8 if len(asset.skeleton.parents) <= 256 else np.uint16
+        joints = np.where(asset.weights > 0, asset.joints, 0).astype(joint_type)
+        attributes.JOINTS_0 = binary.add_array(joints, gltf.ARRAY_BUFFER)
+        attributes.WEIGHTS_0 = binary.add_array(exact_weights(asset.weights), gltf.ARRAY_BUFFER)
     indices = binary.add_array(asset.faces.astype(index_type).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
     return gltf.Primitive(attributes=attributes, indices=indices, material=0, mode=gltf.TRIANGLES)
 
@@ -154,10 +162,10 @@ def canonical_quaternions(transforms: Float64[np.ndarray, "J 4 4"]) -> Float64[n
     return Rotation.from_matrix(transforms[:, :3, :3]).as_quat(canonical=True)
 
 
-def material() -> gltf.Material:
-    surface = gltf.PbrMetallicRoughness(
-        baseColorTexture=gltf.TextureInfo(index=0), metallicFactor=0.0, roughnessFactor=ROUGHNESS
-    )
+def material(textured: bool) -> gltf.Material:
+    surface = gltf.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=ROUGHNESS)
+    if textured:
+        surface.baseColorTexture = gltf.TextureInfo(index=0)
     return gltf.Material(name="avatar", pbrMetallicRoughness=surface, doubleSided=False)
 
 

@@ -1,10 +1,13 @@
 """Khronos' own validator finds nothing to say about our files: no error, no warning, no note."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+from assets import PlainAsset, TexturedAsset
 from exporters import export
+from exporters.glb import encode
 from tests.tube import tube
 from tests.verdicts import khronos_issues
 
@@ -21,6 +24,15 @@ def test_tubes_are_flawless(tmp_path: Path, shape: dict) -> None:
 
     assert issues["messages"] == []
     assert (issues["numErrors"], issues["numWarnings"], issues["numInfos"]) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("kind", [PlainAsset, TexturedAsset])
+def test_lesser_assets_are_flawless(tmp_path: Path, kind: type[PlainAsset]) -> None:
+    whole, path = tube(), tmp_path / "tube.glb"
+    path.write_bytes(encode(kind(**{part.name: getattr(whole, part.name) for part in fields(kind)})))
+    issues = khronos_issues(path)
+    assert issues["messages"] == []
+    assert path.stat().st_size < len(encode(whole))
 
 
 def test_the_judge_is_awake(tmp_path: Path) -> None:

@@ -6,9 +6,19 @@ import pytest
 import torch
 from bodies import capsule_body
 
-from assets import Asset, BuildConfig, build
+from assets import (
+    Asset,
+    BuildConfig,
+    ExtractConfig,
+    PlainAsset,
+    TexturedAsset,
+    build,
+    build_content,
+    extract,
+)
 from assets.asset import AssetInfo, Skeleton
 from assets.errors import GeometryError
+from assets.joints import drop_idle_joints
 from assets.surface import Surface, find_defects
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import CanonicalBody, canonical_body, forward_kinematics, from_rest_joints
@@ -85,7 +95,7 @@ def test_the_report_says_what_it_took():
     assert report.total_seconds == pytest.approx(sum(dict(report.seconds).values()))
     assert 0 < report.error.mean_mm < report.error.p99_mm < report.error.max_mm < 20
     assert report.error.mean_mm < 0.6
-    assert any("deformation network" in reason for reason in report.left_out)
+    assert any("deformation network" in item.what for item in report.left_out)
     assert report.queries > 0
 
 
@@ -114,6 +124,53 @@ def test_poses_by_name_and_by_rotations_agree():
     assert np.ptp(built("t").vertices[:, 0]) > 1.3 * np.ptp(built("a").vertices[:, 0])
 
 
+@pytest.mark.parametrize("content", ["mesh", "textured"])
+def test_what_is_left_out_is_not_there_and_the_rest_is_the_same(content):
+    asset = build_content(stranger(), replace(SMALL, content=content))
+    assert type(asset) is {"mesh": PlainAsset, "textured": TexturedAsset}[content]
+    report = report_of(asset)
+    assert ("bake" in dict(report.seconds)) == (content == "textured")
+    assert {"skeleton and weights"} <= {item.what for item in report.left_out}
+    assert np.array_equal(welded_surface(asset).vertices, welded_surface(built()).vertices)
+    assert np.array_equal(welded_surface(asset).faces, welded_surface(built()).faces)
+
+
+def test_every_face_is_kept_on_request():
+    asset = build_content(stranger(), replace(SMALL, resolution=64, content="mesh", faces=None))
+    dense = extract(stranger().sdf, stranger().bounds, ExtractConfig(resolution=64))
+    assert len(asset.faces) == len(dense.faces)
+    assert "simplify" not in dict(report_of(asset).seconds)
+
+
+def test_idle_joints_go_and_nothing_moves_otherwise():
+    asset = built()
+    weights = np.where(np.isin(asset.joints, [22, 23, 20]), 0, asset.weights)
+    weights[:, 0] += 1e-3
+    weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    joints = np.where(np.isin(asset.joints, [22, 23, 20]), 1, asset.joints)
+    full = replace(asset, joints=joints, weights=weights)
+    lean = drop_idle_joints(full)
+    names = full.skeleton.joint_names
+    assert set(names) - set(lean.skeleton.joint_names) == {names[22], names[23], names[20]}
+    for old, name in enumerate(names):
+        if name in lean.skeleton.joint_names:
+            new = lean.skeleton.joint_names.index(name)
+            parent, new_parent = full.skeleton.parents[old], lean.skeleton.parents[new]
+            assert (parent < 0) == (new_parent < 0)
+            assert parent < 0 or names[parent] == lean.skeleton.joint_names[new_parent]
+            assert np.array_equal(full.skeleton.T_world_joint[old], lean.skeleton.T_world_joint[new])
+    used = full.weights > 0
+    moved_by = np.array(names)[full.joints], np.array(lean.skeleton.joint_names)[lean.joints]
+    assert np.array_equal(moved_by[0][used], moved_by[1][used])
+
+
+def test_charts_of_every_face_are_refused():
+    with pytest.raises(InputError, match="faces"):
+        BuildConfig(faces=None)
+    with pytest.raises(InputError, match="build_content"):
+        build(stranger(), replace(SMALL, resolution=48, content="mesh"))
+
+
 def test_progress_is_told_of_every_stage():
     told = []
     build(stranger(), SMALL, progress=lambda stage, share: told.append((stage, share)))
@@ -127,7 +184,7 @@ def test_progress_is_told_of_every_stage():
 def test_more_faces_than_there_are_is_said():
     asset = build(stranger(), BuildConfig(resolution=64, faces=50_000, texture=64))
     assert len(asset.faces) < 50_000
-    assert any("only" in reason for reason in report_of(asset).left_out)
+    assert any("only" in item.why for item in report_of(asset).left_out)
 
 
 @pytest.mark.parametrize(
@@ -186,6 +243,9 @@ def test_public_names():
     import assets
 
     assert sorted(assets.__all__) == sorted(
-        ["Asset", "BuildConfig", "ExtractConfig", "GeometryError", "Surface", "build", "extract"]
+        [
+            *("Asset", "BuildConfig", "ExtractConfig", "GeometryError", "PlainAsset", "Surface"),
+            *("TexturedAsset", "build", "build_content", "extract"),
+        ]
     )
     assert assets.Asset is Asset

@@ -142,7 +142,7 @@ def make_report(
         "bytes": size,
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm, "max": error.max_mm},
-        "left_out": list(report.left_out),
+        "left_out": [{"what": item.what, "why": item.why} for item in report.left_out],
         "settings": {
             "resolution": config.resolution,
             "faces": config.faces,
