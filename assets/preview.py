@@ -1,34 +1,39 @@
-"""A picture of an asset on the CPU: front, back and face side by side in soft light, textured, as clay where
-it has no texture, or as a wireframe.
+"""Pictures of an asset on the CPU: views side by side or a turn around it, textured, as clay where it has no
+texture, or as a wireframe.
 
-Orthographic cameras at the asset's rest pose, twice the pixels a side for smooth edges, numpy only.
-Letters: W vertices, F faces,
-N fragments, H and L height and length of a picture in pixels. Shading is done in linear light; pictures are
-sRGB.
+Soft light from all around with a main lamp beside the camera, shadows on the figure and on the ground. Twice
+the pixels a side for smooth edges; numpy only. Shading is done in linear light; pictures are sRGB.
+Letters: W vertices, F faces, N fragments, D lamps, H and L height and length of a picture in pixels, C
+channels: 3, or 4 with transparency.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64, UInt8
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 
-from assets.asset import Asset, PlainAsset, TexturedAsset
+from assets.asset import PlainAsset, TexturedAsset
+from assets.camera import VIEWS, Camera, orbit, view_camera
+from assets.light import cast_samples, lamps_around, received
 from assets.raster import rasterise
+from assets.surface import Surface
 from avatargen.errors import InputError
 
 OVERSAMPLING = 2
 GAMMA = 2.2
 BACKGROUND = np.array([0.93, 0.935, 0.94])  # sRGB, at the top; it falls off a little towards the ground
 FALL_OFF = 0.10
-# direction to the light seen from the camera, strength
-LIGHTS = (((0.45, 0.5, 0.75), 0.78), ((-0.7, 0.25, 0.5), 0.22))
-SKY, GROUND = 0.44, 0.20  # light from above and from below
+LEAST_TILT = 0.02  # of a camera that sees the ground
+SKY, GROUND = 0.60, 0.25  # strength of the lamps above and below
+# of the main and the edge light: direction seen from the camera, strength, sharpness
+LOBES = (((-0.6, 0.8, 0.7), 2.6, 4.0), ((0.9, 0.35, -0.8), 2.0, 4.0))
+EXPOSURE = 1.15  # light on what faces the camera unshaded
+SHOULDER = 0.6  # linear light from which on bright places are compressed, so that none burns out
 CLAY = np.array([0.72, 0.72, 0.74])  # sRGB of a wireframe's faces
 LINE = np.array([0.10, 0.16, 0.28])
 LINE_WIDTH = 0.7  # pixels of the oversampled picture on either side of an edge
-HOLLOW = 0.02  # metres: hollows of about this depth are darkened
-MARGIN = 0.05  # of the figure's height, around it
+GROUND_CELL, GROUND_REACH = 0.02, 0.6  # metres: fineness of the ground's shadow, and how far it reaches
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,80 +43,130 @@ class PreviewConfig:
     height: int = 768
     wireframe: bool = False
     views: tuple[str, ...] = ("front", "back", "face")
+    transparent: bool = False
 
     def __post_init__(self) -> None:
         if not 32 <= self.height <= 4096:
             raise InputError(f"preview: {self.height} pixels high; choose 32 to 4096")
-        unknown = set(self.views) - {"front", "back", "face"}
+        unknown = set(self.views) - set(VIEWS)
         if unknown or not self.views:
             raise InputError(
-                f"preview: no view is named {', '.join(sorted(unknown)) or 'nothing'}; use front, back, face"
+                f"preview: no view is named {', '.join(sorted(unknown)) or 'nothing'}; use {', '.join(VIEWS)}"
             )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Camera:
-    """Looks along -z of its own frame at `centre`; `width` x `height` metres fill the picture."""
+class Lit:
+    """An asset with the light that its vertices and the ground around it receive from each lamp."""
 
-    centre: Float64[np.ndarray, "3"]
-    right: Float64[np.ndarray, "3"]
-    towards: Float64[np.ndarray, "3"]  # from the asset to the camera
-    width: float
-    height: float
+    asset: PlainAsset
+    lamps: Float64[np.ndarray, "D 3"]
+    light: Float64[np.ndarray, "W D"]
+    floor: Float64[np.ndarray, "X Z D"]  # at the height of the lowest vertex, from `corner` on along x and z
+    corner: Float64[np.ndarray, "3"]
 
 
-def render(asset: PlainAsset, config: PreviewConfig | None = None) -> UInt8[np.ndarray, "H L 3"]:
+def render(asset: PlainAsset, config: PreviewConfig | None = None) -> UInt8[np.ndarray, "H L C"]:
     """The asset from each of the views, side by side."""
     config = config or PreviewConfig()
-    return np.concatenate([render_view(asset, frame(asset, view), config) for view in config.views], axis=1)
+    lit = light_up(asset)
+    return np.concatenate(
+        [render_view(lit, view_camera(asset, view), config) for view in config.views], axis=1
+    )
 
 
-def frame(asset: PlainAsset, view: str) -> Camera:
-    """The camera of a view: the whole figure from the front or the back, or its face."""
-    low, high = asset.vertices.min(axis=0).astype(np.float64), asset.vertices.max(axis=0).astype(np.float64)
-    right, towards = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    if view != "face":
-        side = 1.0 if view == "front" else -1.0
-        margin = 2 * MARGIN * (high[1] - low[1])
-        width, height = high[0] - low[0] + margin, high[1] - low[1] + margin
-        return Camera(
-            centre=(low + high) / 2, right=side * right, towards=side * towards, width=width, height=height
-        )
-    neck = low + 0.85 * (high - low)
-    if isinstance(asset, Asset) and "head" in asset.skeleton.joint_names:
-        neck = asset.skeleton.joints[asset.skeleton.joint_names.index("head")]
-    height = 1.6 * max(high[1] - neck[1], 0.01)
-    centre = np.array([neck[0], neck[1] + 0.25 * height, neck[2]])
-    return Camera(centre=centre, right=right, towards=towards, width=0.8 * height, height=height)
+def turntable(
+    asset: PlainAsset, frames: int, config: PreviewConfig | None = None
+) -> list[UInt8[np.ndarray, "H L C"]]:
+    """Pictures of equal size all around the asset, the first from the front; the light follows the camera."""
+    lit = light_up(asset)
+    return [render_view(lit, camera, config or PreviewConfig()) for camera in orbit(asset.vertices, frames)]
 
 
-def render_view(asset: PlainAsset, camera: Camera, config: PreviewConfig) -> UInt8[np.ndarray, "H L 3"]:
+def light_up(asset: PlainAsset) -> Lit:
+    """Send light from all lamps to the asset and the ground it stands on."""
+    lamps = lamps_around()
+    vertices = asset.vertices.astype(np.float64)
+    normals = asset.normals.astype(np.float64)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    casters = cast_samples(Surface(vertices=vertices, faces=asset.faces))
+    low, high = vertices.min(axis=0) - GROUND_REACH, vertices.max(axis=0) + GROUND_REACH
+    corner = np.array([low[0], vertices[:, 1].min(), low[2]])
+    x, z = (np.arange(0, high[axis] - low[axis], GROUND_CELL) for axis in (0, 2))
+    floor = corner + np.stack(np.broadcast_arrays(x[:, None], 0.0, z[None]), axis=-1)
+    points = np.concatenate([vertices, floor.reshape(-1, 3)])
+    upward = np.broadcast_to([0.0, 1.0, 0.0], (len(points) - len(vertices), 3))
+    light = received(points, np.concatenate([normals, upward]), casters, lamps)
+    return Lit(
+        asset=asset,
+        lamps=lamps,
+        light=light[: len(vertices)],
+        floor=light[len(vertices) :].reshape(*floor.shape[:2], -1),
+        corner=corner,
+    )
+
+
+def render_view(lit: Lit, camera: Camera, config: PreviewConfig) -> UInt8[np.ndarray, "H L C"]:
     """One view, `config.height` pixels high."""
     height = config.height * OVERSAMPLING
     width = round(config.height * camera.width / camera.height) * OVERSAMPLING
     scale = height / camera.height
-    seen = asset.vertices.astype(np.float64) - camera.centre
-    x, y, depth = seen @ camera.right, seen[:, 1], seen @ camera.towards
-    places = np.stack([width / 2 + scale * x, height / 2 - scale * y], axis=1)
-    face, barycentric, front = nearest_faces(places[asset.faces], depth[asset.faces], width, height)
-    picture = np.repeat(backdrop(height), width, axis=0)
-    pixel = np.flatnonzero(face >= 0)
+    asset, seen = lit.asset, camera.see(lit.asset.vertices)
+    places = np.array([width, height]) / 2 + scale * seen[:, :2] * [1, -1]
+    face, barycentric, _ = nearest_faces(places[asset.faces], seen[asset.faces, 2], width, height)
+    pixel, strength = np.flatnonzero(face >= 0), lamp_strengths(lit.lamps, camera)
     face, barycentric = face[pixel], barycentric[pixel]
-    light = (
-        lighting(asset, camera, face, barycentric)
-        * hollows(front.reshape(height, width), scale).reshape(-1)[pixel]
-    )
+    light = np.einsum("nc,nc->n", barycentric, (lit.light @ strength)[asset.faces[face]])
+    color = np.broadcast_to(CLAY**GAMMA, (len(face), 3))
     if isinstance(asset, TexturedAsset) and not config.wireframe:
-        picture[pixel] = sample_texture(asset, face, barycentric) * light[:, None]
-    else:
-        picture[pixel] = CLAY**GAMMA * light[:, None]
+        color = sample_texture(asset, face, barycentric)
+    color = soften(color * light[:, None])
     if config.wireframe:
         line = edge_nearness(places[asset.faces], face, barycentric)[:, None]
-        picture[pixel] = picture[pixel] * (1 - line) + LINE**GAMMA * line
-    small = picture.reshape(
-        height // OVERSAMPLING, OVERSAMPLING, width // OVERSAMPLING, OVERSAMPLING, 3
-    ).mean(axis=(1, 3))
-    return np.rint(255 * np.clip(small, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
+        color = color * (1 - line) + LINE**GAMMA * line
+    shade = floor_shade(lit, camera, strength, width, height)
+    if config.transparent:
+        picture = np.concatenate([np.zeros((height * width, 3)), 1 - shade], axis=1)
+        picture[pixel] = np.concatenate([color, np.ones((len(color), 1))], axis=1)
+    else:
+        picture = np.repeat(backdrop(height), width, axis=0) * shade
+        picture[pixel] = color
+    return to_srgb(shrink(picture.reshape(height, width, -1)))
+
+
+def lamp_strengths(lamps: Float64[np.ndarray, "D 3"], camera: Camera) -> Float64[np.ndarray, " D"]:
+    """How strong each lamp shines for a camera: sky, ground, and a main and an edge light that go with it."""
+    strength = GROUND + (SKY - GROUND) * (0.5 + 0.5 * lamps[:, 1])
+    axes = np.stack([camera.right, np.array([0.0, 1.0, 0.0]), camera.towards])
+    for seen_from_camera, peak, sharpness in LOBES:
+        direction = np.array(seen_from_camera) @ axes
+        direction /= np.linalg.norm(direction)
+        strength = strength + peak * np.clip(lamps @ direction, 0, None) ** sharpness
+    facing = 4 / len(lamps) * np.clip(lamps @ camera.towards, 0, None) @ strength
+    return strength * EXPOSURE / facing
+
+
+def floor_shade(
+    lit: Lit, camera: Camera, strength: Float64[np.ndarray, " D"], width: int, height: int
+) -> Float64[np.ndarray, "P 1"]:
+    """Share of its light that the ground behind each pixel receives: 1 away from the figure."""
+    if camera.towards[1] < LEAST_TILT:
+        return np.ones((height * width, 1))
+    light = gaussian_filter(lit.floor @ strength, 1.5, mode="nearest")
+    shade = light / np.maximum(light.max(), 1e-9)
+    across = (np.arange(0.5, width // OVERSAMPLING) * OVERSAMPLING / width - 0.5) * camera.width
+    above = (0.5 - np.arange(0.5, height // OVERSAMPLING) * OVERSAMPLING / height) * camera.height
+    ahead = (lit.corner[1] - camera.centre[1] - above * camera.up[1]) / camera.towards[1]
+    place = camera.centre - lit.corner + across[:, None] * camera.right
+    cell = [
+        (place[None, :, axis] + (above * camera.up[axis] + ahead * camera.towards[axis])[:, None])
+        / GROUND_CELL
+        for axis in (0, 2)
+    ]
+    rim = np.minimum.reduce([np.minimum(c, n - 1 - c) for c, n in zip(cell, shade.shape, strict=True)])
+    fade = np.clip(rim * GROUND_CELL / (0.5 * GROUND_REACH), 0, 1)
+    found = 1 - fade * (1 - map_coordinates(shade, cell, order=1, mode="nearest"))
+    return enlarge(found, OVERSAMPLING).reshape(-1, 1)
 
 
 def nearest_faces(
@@ -138,37 +193,34 @@ def nearest_faces(
     return face, barycentric, front
 
 
-def lighting(
-    asset: PlainAsset, camera: Camera, face: Int64[np.ndarray, " N"], barycentric: Float64[np.ndarray, "N 3"]
-) -> Float64[np.ndarray, " N"]:
-    """Light on the surface: sky and ground, and two soft lamps that move with the camera."""
-    normal = np.einsum("nc,ncd->nd", barycentric, asset.normals[asset.faces[face]].astype(np.float64))
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-    up = np.array([0.0, 1.0, 0.0])
-    light = GROUND + (SKY - GROUND) * (0.5 + 0.5 * normal[:, 1])
-    for (right, above, ahead), strength in LIGHTS:
-        direction = right * camera.right + above * up + ahead * camera.towards
-        facing = normal @ (direction / np.linalg.norm(direction))
-        # wraps a little around, as soft light does
-        light = light + strength * np.clip((facing + 0.25) / 1.25, 0, 1)
-    return light
+def soften(color: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
+    """Linear light, as it is up to the shoulder and from there on ever closer to 1."""
+    room = 1 - SHOULDER
+    return np.where(color < SHOULDER, color, SHOULDER + room * np.tanh((color - SHOULDER) / room))
 
 
-def hollows(front: Float64[np.ndarray, "H L"], scale: float) -> Float64[np.ndarray, "H L"]:
-    """Less light where the surface lies behind its surroundings: a cheap stand-in for ambient occlusion.
+def enlarge(values: Float64[np.ndarray, "H L"], times: int) -> Float64[np.ndarray, "M K"]:
+    """Each value as a square of equal ones."""
+    return np.repeat(np.repeat(values, times, axis=0), times, axis=1)
 
-    `front` is the depth in metres, -inf beside the asset; `scale` pixels make a metre. Done at half the size.
-    """
-    coarse = front[::2, ::2]
-    seen = np.isfinite(coarse)
-    depth = np.where(seen, coarse, 0.0)
-    light = np.ones_like(depth)
-    for metres in (0.5 * HOLLOW, 2 * HOLLOW):
-        blur = max(metres * scale / 4, 0.5)
-        share = np.maximum(gaussian_filter(seen.astype(np.float64), blur, truncate=2), 1e-6)
-        behind = gaussian_filter(depth, blur, truncate=2) / share - depth
-        light *= 1 - 0.3 * np.clip(behind / HOLLOW, 0, 1)
-    return np.repeat(np.repeat(light, 2, axis=0), 2, axis=1)
+
+def shrink(picture: Float64[np.ndarray, "H L C"]) -> Float64[np.ndarray, "h l C"]:
+    """Means over the squares of pixels that became one."""
+    height, width, channels = picture.shape
+    squares = picture.reshape(
+        height // OVERSAMPLING, OVERSAMPLING, width // OVERSAMPLING, OVERSAMPLING, channels
+    )
+    return squares.mean(axis=(1, 3))
+
+
+def to_srgb(linear: Float64[np.ndarray, "H L C"]) -> UInt8[np.ndarray, "H L C"]:
+    """Linear light to sRGB; a fourth channel is coverage, which the colours were averaged with and stays
+    linear."""
+    color, alpha = linear[..., :3], linear[..., 3:]
+    if alpha.size:
+        color = color / np.maximum(alpha, 1e-6)
+    picture = np.concatenate([np.clip(color, 0, 1) ** (1 / GAMMA), alpha], axis=2)
+    return np.rint(255 * np.clip(picture, 0, 1)).astype(np.uint8)
 
 
 def sample_texture(

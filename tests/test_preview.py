@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from tube import tube
 
-from assets.preview import OVERSAMPLING, PreviewConfig, frame, nearest_faces, render
+from assets.camera import orbit, view_camera
+from assets.preview import OVERSAMPLING, PreviewConfig, nearest_faces, render, turntable
 from avatargen.errors import InputError
 
 CONFIG = PreviewConfig(height=96)
@@ -17,43 +18,59 @@ def one_colour(color):
     )
 
 
-def on_asset(picture):
-    """Pixels that differ from the backdrop, which is the same along each row."""
-    return (np.abs(picture.astype(int) - picture[:, :1]) > 3).any(axis=2)
+def front_of(asset):
+    """The front without background, and the pixels that the asset covers wholly."""
+    picture = render(asset, replace(CONFIG, views=("front",), transparent=True))
+    return picture[..., :3], picture[..., 3] == 255
 
 
 def test_views_stand_side_by_side_at_the_height_asked_for():
-    picture = render(tube(), CONFIG)
-    alone = [render(tube(), replace(CONFIG, views=(view,))) for view in ("front", "back", "face")]
-    assert picture.dtype == np.uint8
-    assert picture.shape[0] == 96
-    assert np.array_equal(picture, np.concatenate(alone, axis=1))
+    front = render(tube(), replace(CONFIG, views=("front",)))
+    both = render(tube(), replace(CONFIG, views=("quarter", "front")))
+    assert both.dtype == np.uint8
+    assert both.shape[0] == 96
+    assert np.array_equal(both[:, -front.shape[1] :], front)
 
 
 def test_the_figure_fills_its_frame_and_stands_in_the_middle():
-    seen = on_asset(render(tube(), replace(CONFIG, views=("front",))))
+    _, seen = front_of(tube())
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     assert np.ptp(rows) / 96 == pytest.approx(1 / 1.1, abs=0.05)
     assert columns[0] + columns[-1] + 1 == pytest.approx(seen.shape[1], abs=2)
 
 
 def test_colours_are_those_of_the_texture():
-    picture = render(one_colour((200, 40, 40)), replace(CONFIG, views=("front",)))
-    red, green, blue = picture[on_asset(picture)].mean(axis=0)
+    picture, seen = front_of(one_colour((200, 40, 40)))
+    red, green, blue = picture[seen].mean(axis=0)
     assert red > 2.5 * green
     assert green == pytest.approx(blue, abs=3)
-    dark = render(one_colour((0, 0, 0)), replace(CONFIG, views=("front",)))
-    assert np.quantile(dark[on_asset(dark)], 0.7) < 5
+    dark, seen = front_of(one_colour((0, 0, 0)))
+    assert dark[seen].max() == 0
 
 
-def test_back_and_front_see_opposite_sides():
+def test_what_is_transparent_is_what_lies_beside_the_figure_and_its_shadow():
+    asset = one_colour((200, 40, 40))
+    clear = render(asset, replace(CONFIG, views=("front",), transparent=True))
+    solid = render(asset, replace(CONFIG, views=("front",)))
+    covered = clear[..., 3] == 255
+    assert np.array_equal(clear[covered][:, :3], solid[covered])
+    shadow = (clear[..., 3] > 10) & ~covered
+    assert shadow[70:].any() and not shadow[:20, :3].any()
+    assert (solid[:4].astype(int).min(axis=(1, 2)) > 220).all()  # background where nothing is
+
+
+def test_a_turn_shows_every_side_at_one_size():
     asset = tube(rings=24, sides=32, size=64)
     left_red = asset.texture.copy()
     left_red[:, :32], left_red[:, 32:] = (255, 0, 0), (0, 0, 255)  # u < 1/2 is the side of -z
-    asset = replace(asset, texture=left_red)
-    front, back = (render(asset, replace(CONFIG, views=(view,))) for view in ("front", "back"))
-    assert front[48, front.shape[1] // 2, 2] > 100 > front[48, front.shape[1] // 2, 0]
-    assert back[48, back.shape[1] // 2, 0] > 100 > back[48, back.shape[1] // 2, 2]
+    frames = turntable(replace(asset, texture=left_red), 4, replace(CONFIG, transparent=True))
+    assert len({frame.shape for frame in frames}) == 1
+    middle = [frame[48, frame.shape[1] // 2] for frame in frames]
+    assert middle[0][2] > 100 > middle[0][0]
+    assert middle[2][0] > 100 > middle[2][2]
+    for camera in orbit(asset.vertices, 4):  # all of the figure is inside each picture
+        seen = np.abs(camera.see(asset.vertices))
+        assert (seen[:, 0] < camera.width / 2).all() and (seen[:, 1] < camera.height / 2).all()
 
 
 def test_nearer_faces_hide_farther_ones_whatever_their_order():
@@ -68,10 +85,11 @@ def test_nearer_faces_hide_farther_ones_whatever_their_order():
 
 
 def test_wireframe_shows_edges():
-    plain = render(tube(), replace(CONFIG, views=("front",)))
-    wire = render(tube(), replace(CONFIG, views=("front",), wireframe=True))
+    asset = one_colour((200, 200, 200))
+    plain = render(asset, replace(CONFIG, views=("front",)))
+    wire = render(asset, replace(CONFIG, views=("front",), wireframe=True))
     assert wire.shape == plain.shape
-    assert wire[on_asset(wire)].min() < 100
+    assert wire.min() < 60 < plain.min()
 
 
 def test_edges_of_the_figure_are_smooth():
@@ -83,9 +101,9 @@ def test_edges_of_the_figure_are_smooth():
 def test_face_view_is_centred_on_the_head():
     asset = tube(joint_count=2)
     named = replace(asset, skeleton=replace(asset.skeleton, joint_names=("pelvis", "head")))
-    camera = frame(named, "face")
+    camera = view_camera(named, "face")
     assert camera.centre[1] > named.skeleton.joints[1, 1]
-    assert camera.height < frame(named, "front").height
+    assert camera.height < view_camera(named, "front").height
 
 
 @pytest.mark.parametrize("values", [{"height": 5}, {"height": 10**5}, {"views": ("top",)}, {"views": ()}])

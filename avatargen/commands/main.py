@@ -42,6 +42,11 @@ COMMANDS = (
         function="avatargen.commands.train_warm_start:main",
     ),
     Command(
+        words=("render",),
+        summary="draw a seed or a .glb file: pictures, poses, a turntable",
+        function="avatargen.commands.render:main",
+    ),
+    Command(
         words=("survey",),
         summary="build many seeds: table of errors, contact sheet, files",
         function="avatargen.commands.survey:main",

@@ -1,0 +1,110 @@
+"""Files that were written are read back as they were; damaged and foreign ones are refused by name."""
+
+import dataclasses
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from assets.asset import Asset, PlainAsset, TexturedAsset
+from avatargen.errors import InputError
+from exporters import export, glb
+from exporters.read_glb import read_glb
+from tests.tube import tube
+
+
+def altered(change: Any) -> bytes:
+    """The tube's file with its description changed by a function."""
+    data = glb.encode(tube())
+    size = struct.unpack_from("<I", data, 12)[0]
+    description = json.loads(data[20 : 20 + size])
+    change(description)
+    text = json.dumps(description).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + size :]
+    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+def test_what_is_written_is_read_back(tmp_path: Path, tilt: float):
+    asset = tube(joint_count=3, tilt=tilt)
+    export(asset, tmp_path / "a.glb")
+    again = read_glb(tmp_path / "a.glb")
+    for name in ("vertices", "uv", "faces", "joints", "texture"):
+        assert np.array_equal(getattr(again, name), getattr(asset, name)), name
+    for name in ("normals", "weights"):
+        assert getattr(again, name) == pytest.approx(getattr(asset, name), abs=1e-6), name
+    assert again.info == asset.info
+    assert isinstance(again, Asset)
+    assert again.skeleton.joint_names == asset.skeleton.joint_names
+    assert again.skeleton.T_world_joint == pytest.approx(asset.skeleton.T_world_joint, abs=1e-6)
+    again_bytes = glb.encode(dataclasses.replace(again, normals=asset.normals, weights=asset.weights))
+    assert len(again_bytes) == len(glb.encode(asset))
+
+
+@pytest.mark.parametrize("kind", [PlainAsset, TexturedAsset])
+def test_files_of_less_are_read_as_less(tmp_path: Path, kind: type):
+    asset = tube()
+    less = kind(**{field.name: getattr(asset, field.name) for field in dataclasses.fields(kind)})
+    (tmp_path / "a.glb").write_bytes(glb.encode(less))
+    again = read_glb(tmp_path / "a.glb")
+    assert type(again) is kind
+    assert np.array_equal(again.faces, asset.faces)
+
+
+def test_joints_that_come_before_their_parents_are_sorted(tmp_path: Path):
+    def turn_around(found: dict[str, Any]) -> None:
+        skin = found["skins"][0]
+        skin["joints"] = skin["joints"][::-1]
+
+    (tmp_path / "a.glb").write_bytes(altered(turn_around))
+    again = read_glb(tmp_path / "a.glb")
+    assert isinstance(again, Asset)
+    assert again.skeleton.joint_names == ("pelvis", "spine1")
+    assert again.skeleton.parents.tolist() == [-1, 0]
+    assert np.array_equal(again.joints, 1 - tube().joints)  # the file's numbers name the joints the other way
+
+
+def set_in(*path: Any, to: Any) -> Any:
+    def change(found: Any) -> None:
+        for step in path[:-1]:
+            found = found[step]
+        found[path[-1]] = to
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (set_in("extensionsRequired", to=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
+        (set_in("nodes", 2, to={}), "no mesh"),
+        (set_in("meshes", 0, "primitives", 0, "mode", to=1), "no triangles"),
+        (set_in("accessors", 0, "count", to=10**12), "beyond its buffer"),
+        (set_in("accessors", 0, "count", to=-1), "no index or count"),
+        (set_in("accessors", 0, "sparse", to={}), "sparse"),
+        (set_in("bufferViews", 0, "byteLength", to=10**9), "beyond its buffer"),
+        (set_in("bufferViews", 0, "byteStride", to=0), "overlaps itself"),
+        (set_in("skins", 0, "joints", to=[]), "0 joints"),
+        (set_in("nodes", 1, "children", to=[0]), "deeper than any skeleton"),
+        (set_in("materials", to=[]), "IndexError"),
+        (set_in("accessors", to={}), "KeyError"),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path: Path, change: Any, reason: str):
+    (tmp_path / "a.glb").write_bytes(altered(change))
+    with pytest.raises(InputError, match=reason):
+        read_glb(tmp_path / "a.glb")
+
+
+def test_cut_missing_and_foreign_files_are_refused(tmp_path: Path):
+    whole = glb.encode(tube())
+    for data in (b"", b"glTF", whole[:-1], whole[:100], b"PK" + whole[2:], whole + b"x"):
+        (tmp_path / "a.glb").write_bytes(data)
+        with pytest.raises(InputError, match="export it again"):
+            read_glb(tmp_path / "a.glb")
+    with pytest.raises(InputError, match="cannot read"):
+        read_glb(tmp_path / "none.glb")
