@@ -23,7 +23,7 @@ from avatargen.body.model import Body, CanonicalBody, canonical_body
 from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
 from avatargen.generator.checkpoint import load_checkpoint
-from avatargen.generator.config import PlanesConfig, body_hash
+from avatargen.generator.config import GeneratorConfig, PlanesConfig, body_hash
 from avatargen.generator.decoder import BodyPoints, body_points, interpolate
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.planes import lookup_bilinear, plane_table
@@ -195,6 +195,7 @@ def load_generator(
     """
     checkpoint = load_checkpoint(weights or shipped("generator.safetensors"))
     generator, config = checkpoint.generator, checkpoint.generator.config
+    require_exportable(config)
     source = body if isinstance(body, Body) else load_body(body or shipped("body.npz"))
     canonical = canonical_body(source)
     distance = BodyDistance(canonical.vertices, canonical.faces)
@@ -214,6 +215,16 @@ def load_generator(
         weights_hash=checkpoint.weights_hash,
         licence=checkpoint.notes.get("licence", "unknown"),
     )
+
+
+def require_exportable(config: GeneratorConfig) -> None:
+    """Raise InputError for a generator whose surface is not the canonical body plus a residual."""
+    geometry = config.geometry
+    if (geometry.representation, geometry.prior, geometry.distance) != ("sdf", "canonical", "residual"):
+        raise InputError(
+            f"weights: trained with {geometry.representation}, prior {geometry.prior}, distance "
+            f"{geometry.distance}; only sdf, canonical, residual has a canonical surface to export"
+        )
 
 
 def shipped(name: str) -> Path:

@@ -50,9 +50,13 @@ class CanonicalMap:
         return canonical, torch.as_tensor(found[:, 0], dtype=points.dtype, device=points.device)
 
 
-def canonical_map(posed: PosedBody) -> CanonicalMap:
-    """The map that takes a posed person to the canonical pose and shape of the same body."""
-    body, canonical = posed.shaped.body, pose_canonically(posed.shaped.body)
+def canonical_map(posed: PosedBody, canonical: PosedBody | None = None) -> CanonicalMap:
+    """The map that takes a posed person to the canonical pose and shape of the same body.
+
+    `canonical` is `pose_canonically` of that body, for those who have it at hand.
+    """
+    body = posed.shaped.body
+    canonical = canonical or pose_canonically(body)
     T_rest_posed = invert_blend(body.weights, posed.T_posed_rest)
     T_canonical_rest = blend(body.weights, canonical.T_posed_rest)
     shift = (canonical.shaped.vertices + canonical.offsets) - (posed.shaped.vertices + posed.offsets)

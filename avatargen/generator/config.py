@@ -89,6 +89,37 @@ class DeformationConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GeometryConfig:
+    """What Table 2 of the paper compares; the defaults are what it settles on.
+
+    Raises:
+        InputError: a value that is none of the choices, or a residual to a body distance that is not asked.
+    """
+
+    representation: str = "sdf"  # or density: no surface, no distance, no geometry losses
+    deformation: str = "both"  # inverse_skinning, residual (the network alone), or both
+    prior: str = "canonical"  # where the body distance that the decoder reads is taken: observed, or none
+    distance: str = "residual"  # predicted relative to the body's distance, or raw
+
+    def __post_init__(self) -> None:
+        for name, choices in GEOMETRY_CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise InputError(
+                    f"generator config: {name} = {getattr(self, name)!r}; choose {', '.join(choices)}"
+                )
+        if self.prior == "none" and self.distance == "residual":
+            raise InputError("generator config: a residual needs a body distance; take distance raw")
+
+
+GEOMETRY_CHOICES = {
+    "representation": ("sdf", "density"),
+    "deformation": ("both", "inverse_skinning", "residual"),
+    "prior": ("canonical", "observed", "none"),
+    "distance": ("residual", "raw"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
 class RenderConfig:
     """Volume rendering (section 3.4) and the upsampling decoder."""
 
@@ -110,6 +141,7 @@ class GeneratorConfig:
     planes: PlanesConfig = field(default_factory=PlanesConfig)
     decoder: DecoderConfig = field(default_factory=DecoderConfig)
     deformation: DeformationConfig = field(default_factory=DeformationConfig)
+    geometry: GeometryConfig = field(default_factory=GeometryConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     joint_count: int = 24
     vertex_count: int = 0  # of the body it is trained on; 0 until `for_body`
@@ -129,6 +161,8 @@ class GeneratorConfig:
             raise InputError(
                 f"generator config: nearest = {self.render.nearest}; choose 1 to 4 body vertices"
             )
+        if self.geometry.prior == "none" and self.decoder.vertex_features:
+            raise InputError("generator config: vertex features tell where the body is; prior none has none")
         steps = self.render.image_size / self.render.raw_size
         if steps < 1 or np.log2(steps) % 1:
             raise InputError(

@@ -46,7 +46,7 @@ class AvatarGenerator(nn.Module):
         self.deformation = Deformation(
             config.deformation, w_size=w_size, joint_count=config.joint_count, shape_count=config.shape_count
         )
-        self.density = Density(config.render.initial_alpha)
+        self.density = Density(config.render.initial_alpha, config.geometry.representation)
         self.upsampler = Upsampler(config.render, features=config.decoder.features, w_size=w_size)
 
     def planes(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B 3 C R R"]:
@@ -64,16 +64,17 @@ class AvatarGenerator(nn.Module):
         points: Float[Tensor, "B N 3"],
         body: BodyPoints,
         method: Literal["fast", "differentiable"] = "fast",
+        base: BodyPoints | None = None,
     ) -> tuple[Float[Tensor, "B N"], Float[Tensor, "B N 3"], Float[Tensor, "B N K"]]:
         """Signed distance (metres), colour (sRGB 0..1) and features at canonical points.
 
         `method` is that of `sample_planes`: `differentiable` where the gradient of the field is itself
-        penalised.
+        penalised. The distance is `body`'s plus the residual, or `base`'s where one is given.
         """
         features = sample_planes(planes, self.frame(points), method)
         hidden = self.decoder.hidden(features, w, self.frame.centered(points), body)
         color, picture = self.decoder.picture_features(hidden, w)
-        return self.decoder.signed_distance(hidden, w, body), color, picture
+        return self.decoder.signed_distance(hidden, w, base or body), color, picture
 
 
 class ShapeHead(nn.Module):

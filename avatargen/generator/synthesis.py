@@ -66,11 +66,14 @@ class Synthesis(nn.Module):
             for i, (resolution, channels) in zip(inputs, config.blocks, strict=False)
         )
 
-    def forward(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B 3 C R R"]:
+    def forward(
+        self, w: Float[Tensor, "B D"], other: Float[Tensor, "B D"] | None = None, crossover: int = 0
+    ) -> Float[Tensor, "B 3 C R R"]:
+        """Planes of w; blocks from `crossover` on follow `other` where it is given (style mixing)."""
         x = self.constant.expand(len(w), -1, -1, -1)
         x = x.contiguous(memory_format=torch.channels_last)  # a third less time in all the layers that follow
         x, planes = self.blocks[0](x, w)
-        for block in list(self.blocks)[1:]:
-            x, share = block(x, w)
+        for number, block in enumerate(list(self.blocks)[1:], start=1):
+            x, share = block(x, w if other is None or number < crossover else other)
             planes = upsample(planes) + share
         return planes.unflatten(1, (3, self.config.plane_channels))
