@@ -37,6 +37,11 @@ COMMANDS = (
         function="avatargen.commands.body_convert:main",
     ),
     Command(
+        words=("data", "synth"),
+        summary="pictures of the wardrobe's people with their labels; the same command resumes",
+        function="avatargen.commands.data_synth:main",
+    ),
+    Command(
         words=("train", "warm-start"),
         summary="train a generator on the procedural wardrobe; the same command resumes",
         function="avatargen.commands.train_warm_start:main",

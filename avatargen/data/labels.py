@@ -1,0 +1,91 @@
+"""dataset.json: what a data set says about each picture, under an explicit convention tag.
+
+    {"convention": "avatargen-1", "layout": {"camera": 25, "pose": 72, "betas": 10},
+     "labels": [["images/00000/00.png", [107 numbers]], ...]}
+
+`avatargen-1`: the camera is EG3D's vector (16 of cam2world row by row, OpenCV axes, metres; 9 of the
+intrinsics normalised by the picture's size); the pose is axis-angle in radians for every joint of the body,
+the root first, as in `avatargen.body.pose`; betas are the body's own. The person's root joint is not
+translated. The first 25 numbers of a row are what EG3D reads.
+
+Letters: N pictures, J joints, b directions of shape.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+
+from avatargen.errors import InputError
+
+CONVENTION = "avatargen-1"
+CAMERA_SIZE = 25
+FILE_NAME = "dataset.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """Pictures by name, with camera, pose and shape each."""
+
+    names: tuple[str, ...]
+    camera: Float32[np.ndarray, "N 25"]
+    pose: Float32[np.ndarray, "N J 3"]
+    betas: Float32[np.ndarray, "N b"]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def rows(self) -> Float32[np.ndarray, "N k"]:
+        """One vector a picture, in the layout of the file."""
+        return np.concatenate([self.camera, self.pose.reshape(len(self), -1), self.betas], axis=1)
+
+
+def joined(parts: list[Labels]) -> Labels:
+    """The labels of several lists, one after another."""
+    return Labels(
+        names=tuple(name for part in parts for name in part.names),
+        camera=np.concatenate([part.camera for part in parts]),
+        pose=np.concatenate([part.pose for part in parts]),
+        betas=np.concatenate([part.betas for part in parts]),
+    )
+
+
+def encode_labels(labels: Labels) -> bytes:
+    """The text of the file; numbers as short as they come back to the same float32."""
+    layout = {"camera": CAMERA_SIZE, "pose": labels.pose[0].size, "betas": labels.betas.shape[1]}
+    rows = [
+        [name, [float(str(value)) for value in row]]
+        for name, row in zip(labels.names, labels.rows(), strict=True)
+    ]
+    return json.dumps({"convention": CONVENTION, "layout": layout, "labels": rows}).encode()
+
+
+def read_labels(path: Path) -> Labels:
+    """Read and check a data set's labels.
+
+    Raises:
+        InputError: no such file, damaged, of another convention, or rows of the wrong length or not finite.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+        convention = content["convention"]
+        layout, labels = content["layout"], content["labels"]
+        names = tuple(str(name) for name, _ in labels)
+        widths = [int(layout[part]) for part in ("camera", "pose", "betas")]
+        rows = np.array([row for _, row in labels], dtype=np.float32)
+    except OSError as error:
+        raise InputError(
+            f"data: cannot read {path} ({error.strerror}); name a folder that holds it"
+        ) from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"data: {path} is damaged ({error!r}); make the data set anew") from error
+    if convention != CONVENTION:
+        raise InputError(f"data: {path} has convention {convention!r}; {CONVENTION!r} is read")
+    if rows.ndim != 2 or rows.shape[1] != sum(widths) or widths[0] != CAMERA_SIZE or widths[1] % 3:
+        raise InputError(f"data: rows of {path} are {rows.shape[1:]} numbers; its layout says {layout}")
+    if not np.isfinite(rows).all():
+        raise InputError(f"data: {path} holds NaN or infinity; make the data set anew")
+    camera, pose, betas = np.split(rows, np.cumsum(widths)[:2], axis=1)
+    return Labels(names=names, camera=camera, pose=pose.reshape(len(rows), -1, 3), betas=betas)
