@@ -46,9 +46,8 @@ def test_samples_are_equally_dense_in_the_shell_and_nowhere_else():
     assert 20 < hit.sum() < 400 and (length[~hit] < 0.03).all()
     assert (samples.width * 16 - length)[hit].abs().max() < 0.1  # as fine as a piece of the ray at each end
     assert (samples.width * 16 - length)[hit].abs().mean() < 0.02
-    assert (torch.diff(samples.depth[hit], dim=1) > -1e-6).all() and (
-        samples.depth[hit] < far[hit, None]
-    ).all()
+    assert (torch.diff(samples.depth[hit], dim=1) > -1e-6).all()
+    assert (samples.depth[hit] < far[hit, None]).all()
     points = origin[hit, None] + samples.depth[hit, :, None] * direction[hit, None]
     assert shell.holds(points).float().mean() > 0.95  # a piece is marked by its middle
 
