@@ -194,3 +194,11 @@ def compact(vertices: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"
     used[faces.reshape(-1)] = True
     place = np.cumsum(used) - 1
     return Surface(vertices=vertices[used], faces=place[faces].astype(np.int64))
+
+
+def smallest_angles(surface: Surface) -> Float64[np.ndarray, " F"]:
+    """The smallest angle of each face, degrees."""
+    corners = surface.vertices[surface.faces]
+    forward, backward = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(forward, backward), axis=2)
+    return np.degrees(np.arctan2(sine, (forward * backward).sum(axis=2)).min(axis=1))

@@ -56,6 +56,11 @@ COMMANDS = (
         summary="build many seeds: table of errors, contact sheet, files",
         function="avatargen.commands.survey:main",
     ),
+    Command(
+        words=("bench",),
+        summary="error against run time, beside the usual recipe: tables and a plot",
+        function="avatargen.commands.bench.run:main",
+    ),
 )
 
 

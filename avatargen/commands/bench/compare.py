@@ -1,0 +1,78 @@
+"""Our pipeline beside the peers' recipe, in one run on one avatar."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from assets.measure import surface_error
+from assets.pipeline import BuildConfig, build_content
+from assets.surface import Surface, find_defects
+from avatargen.avatar import Avatar, AvatarSampler
+from avatargen.commands.bench.cost import Cost, measured
+from avatargen.commands.bench.peer import PeerConfig, run_peer, with_cheap_distance
+from avatargen.commands.bench.sweep import default_surface
+from avatargen.commands.bench.truth import Truth, match
+from exporters.glb import encode
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """One recipe's cost and errors, millimetres, on one seed."""
+
+    name: str
+    seed: int
+    seconds: float
+    cpu_seconds: float
+    peak_mb: float
+    stages: dict[str, float]
+    mean_mm: float
+    p99_mm: float
+    max_mm: float
+    back_mean_mm: float
+    back_p99_mm: float
+    back_max_mm: float
+    defects: str
+
+
+def compare(
+    generator: AvatarSampler, truth: Truth, seed: int, ours: BuildConfig, peer: PeerConfig
+) -> Iterator[Comparison]:
+    """Ours from the seed to the bytes of a GLB, then the peers' recipe, exact and cheap."""
+    with measured() as cost:
+        asset = build_content(generator.sample(seed), ours)
+        encode(asset)
+    assert asset.report is not None
+    avatar = generator.sample(seed)
+    surface = default_surface(avatar, ours.resolution, ours.faces or 0)
+    yield row("avatargen", avatar, truth, surface, cost, dict(asset.report.seconds))
+    with measured() as cost:
+        result = run_peer(generator.sample(seed), peer)
+    yield row(f"dense {peer.resolution}³", avatar, truth, result.surface, cost, result.seconds)
+    cheap = with_cheap_distance(avatar)
+    with measured() as cost:
+        result = run_peer(cheap, peer)
+    name = f"dense {peer.resolution}³, cheap distance"
+    yield row(name, avatar, truth, result.surface, cost, result.seconds)
+
+
+def row(
+    name: str, avatar: Avatar, truth: Truth, surface: Surface, cost: Cost, stages: dict[str, float]
+) -> Comparison:
+    """Errors against the exact field, whatever field the surface was made from."""
+    error, back = surface_error(surface, avatar.sdf), 1000 * match(truth, surface).distance
+    return Comparison(
+        name=name,
+        seed=avatar.seed,
+        seconds=cost.seconds,
+        cpu_seconds=cost.cpu_seconds,
+        peak_mb=cost.peak_mb,
+        stages=stages,
+        mean_mm=error.mean_mm,
+        p99_mm=error.p99_mm,
+        max_mm=error.max_mm,
+        back_mean_mm=float(back.mean()),
+        back_p99_mm=float(np.quantile(back, 0.99)),
+        back_max_mm=float(back.max()),
+        defects=str(find_defects(surface)),
+    )

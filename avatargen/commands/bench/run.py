@@ -1,0 +1,187 @@
+"""avatargen bench: error against run time, beside the recipe that relatives use."""
+
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from avatargen.commands.line import run_command
+from avatargen.errors import InputError
+
+if TYPE_CHECKING:
+    from avatargen.avatar import AvatarSampler
+    from avatargen.commands.bench.compare import Comparison
+    from avatargen.commands.bench.sweep import MappingRow, RayRow, SurfaceRow, TextureRow
+
+PROGRAM = "avatargen bench"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """The settings that are swept."""
+
+    resolutions: tuple[int, ...] = (128, 256, 384, 512, 768)
+    faces: tuple[int, ...] = (2_000, 5_000, 10_000, 20_000, 40_000, 80_000)
+    textures: tuple[int, ...] = (256, 512, 1024, 2048)
+    neighbours: tuple[int, ...] = (1, 2, 3, 4)
+    steps: tuple[int, ...] = (8, 16, 24, 48, 96)
+    truth: int = 1024  # resolution of the surface that errors are measured from
+    points: int = 40_000  # of it
+    default: tuple[int, int] = (512, 20_000)  # resolution and faces of the mesh under textures and poses
+    peer: tuple[int, int, int] = (256, 20_000, 1024)  # resolution, faces and texture of the peers' recipe
+    ours: tuple[int, int, int] = (512, 20_000, 1024)
+
+
+QUICK = Grid(
+    resolutions=(64, 128),
+    faces=(1_000, 5_000),
+    textures=(64, 256),
+    neighbours=(1, 4),
+    steps=(8, 24),
+    truth=192,
+    points=5_000,
+    default=(128, 5_000),
+    peer=(64, 5_000, 256),
+    ours=(128, 5_000, 256),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Sweep the pipeline's settings; write bench.json, bench.md, bench.png and curves.json."""
+
+    out: Path
+    """Folder for the results."""
+    quick: bool = False
+    """A small sweep on one seed, in about a minute: shows that all works, its numbers are coarse."""
+    seeds: tuple[int, ...] = (3, 4)
+    """People that are measured; the tables hold medians."""
+    weights: Path | None = None
+    """Other weights than those that come with the package."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """All rows."""
+
+    surfaces: "list[SurfaceRow]"
+    textures: "list[TextureRow]"
+    mapping: "list[MappingRow]"
+    rays: "list[RayRow]"
+    comparison: "list[Comparison]"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    import tyro
+
+    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
+    return run_command(PROGRAM, lambda: run(options))
+
+
+def run(options: Options) -> None:
+    """Measure, then write everything.
+
+    Raises:
+        InputError: no seeds, the folder cannot be written, or there is nothing to draw with.
+    """
+    import avatargen
+    from avatargen.atomic import check_writable, write_together
+    from avatargen.commands.bench import plot
+    from avatargen.commands.bench.curves import curves
+
+    if not options.seeds:
+        raise InputError("found no seeds to measure; give one or more")
+    plot.require_matplotlib()
+    options.out.mkdir(parents=True, exist_ok=True)
+    check_writable(options.out / "bench.json")
+    grid = QUICK if options.quick else Grid()
+    seeds = options.seeds[:1] if options.quick else options.seeds
+    generator = avatargen.load_generator(options.weights)
+    found = measure(generator, seeds, grid)
+    facts = {"machine": machine(), "seeds": seeds, "weights_hash": generator.weights_hash}
+    data = {name: [asdict(row) for row in rows] for name, rows in vars(found).items()}
+    curve = curves(generator.sample(seeds[0]), found.surfaces, found.textures, generator.weights_hash)
+    picture = plot.draw(**vars(found))
+    write_together(
+        [
+            (options.out / "bench.json", json.dumps(facts | data, indent=1).encode() + b"\n"),
+            (options.out / "bench.md", report(found, seeds).encode()),
+            (options.out / "bench.png", picture),
+            (options.out / "curves.json", curve),
+        ]
+    )
+    print(options.out / "bench.md")
+
+
+def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Results:
+    """Every sweep on every seed, but the peers' recipe on the first alone; says what is being done."""
+    import torch
+
+    from assets.pipeline import BuildConfig
+    from avatargen.commands.bench import sweep
+    from avatargen.commands.bench.compare import compare
+    from avatargen.commands.bench.peer import PeerConfig
+    from avatargen.commands.bench.truth import find_truth
+
+    torch.set_num_threads(1)  # so that processor seconds are those of the clock on an idle machine
+    found = Results(surfaces=[], textures=[], mapping=[], rays=[], comparison=[])
+    for seed in seeds:
+        avatar = generator.sample(seed)
+        truth = find_truth(avatar.sdf, avatar.color, avatar.bounds, grid.truth, grid.points)
+        print(f"seed {seed}: {len(truth.points)} true points", flush=True)
+        if seed == seeds[0]:
+            resolution, faces, texture = grid.ours
+            ours = BuildConfig(resolution=resolution, faces=faces, texture=texture)
+            resolution, faces, texture = grid.peer
+            peer = PeerConfig(resolution=resolution, faces=faces, texture=texture)
+            for row in compare(generator, truth, seed, ours, peer):
+                found.comparison.append(row)
+                print(f"  {row.name}: {row.cpu_seconds:.1f} s, {row.p99_mm:.2f} mm p99", flush=True)
+        for row in sweep.sweep_surfaces(avatar, truth, grid.resolutions, grid.faces):
+            found.surfaces.append(row)
+            print(f"  {row.resolution}, {row.faces}: {row.total:.2f} s, {row.p99_mm:.2f} mm p99", flush=True)
+        surface = sweep.default_surface(avatar, *grid.default)
+        found.textures.extend(sweep.sweep_textures(avatar, truth, surface, grid.textures))
+        found.mapping.extend(sweep.sweep_mapping(avatar, surface, grid.neighbours))
+        found.rays.extend(sweep.sweep_rays(avatar, grid.steps))
+    return found
+
+
+def machine() -> dict[str, object]:
+    """What the numbers were measured on."""
+    import torch
+
+    return {"processor": platform.machine(), "threads": torch.get_num_threads(), "torch": torch.__version__}
+
+
+def report(found: Results, seeds: Sequence[int]) -> str:
+    """The tables in one Markdown page."""
+    from avatargen.commands.bench import tables
+
+    parts = [
+        "# Error against run time",
+        f"Made by `avatargen bench`. Medians over seeds {', '.join(map(str, seeds))}; "
+        f"{machine()['processor']}. Seconds are the processor's, of one thread. Canonical pose.",
+        "![Error against run time](bench.png)",
+        "## Beside the usual recipe",
+        "Seed to file: sampling, mesh, charts, texture, weights. In brackets: how many times ours. The usual "
+        "recipe asks the field on a dense grid, then scikit-image, pymeshlab, xatlas at its defaults, "
+        "nearest weights; the cheap distance is read off a grid that is made beforehand and not timed.",
+        tables.comparison_table(found.comparison),
+        "## Resolution and faces",
+        "Seconds are those from the field to charts. Slivers have an angle under 5 degrees.",
+        tables.surface_table(found.surfaces),
+        "## Texture",
+        "Filtered texture on the default mesh against the field's colour at true surface points.",
+        tables.texture_table(found.textures),
+        "## The generator's mapping",
+        "The default mesh bent into 20 poses as an engine does it, carried back by the generator's mapping "
+        "through its K nearest posed body vertices; distance from where each vertex came from.",
+        tables.mapping_table(found.mapping),
+        "## Volume rendering",
+        "A picture in the canonical pose against one with 256 steps a ray.",
+        tables.ray_table(found.rays),
+    ]
+    return "\n\n".join(parts) + "\n"

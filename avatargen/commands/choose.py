@@ -1,0 +1,138 @@
+"""Settings from measured curves: the cheapest that keep a tolerance, or the best within a budget.
+
+`pretrained/curves.json`, written by `avatargen bench`, holds seconds by stage and errors for pairs of
+resolution and faces, and for texture sizes. This machine's speed beside the bench's is told by how long the
+field takes at a few points.
+"""
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float64
+
+from avatargen.errors import InputError
+
+SPEED_POINTS = 20_000
+SPREAD = 0.01  # metres from the body's vertices
+HEADROOM = 1.1  # on a prediction: the time a budget must have room for
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """Settings and what is expected of them: seconds from now on, millimetres of the 99th percentile."""
+
+    resolution: int
+    faces: int
+    seconds: float
+    p99_mm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curves:
+    """What the bench measured, with seconds scaled to this machine."""
+
+    surfaces: tuple[dict[str, Any], ...]
+    textures: tuple[dict[str, Any], ...]
+    scale: float
+
+    def choices(self, texture: int | None) -> list[Choice]:
+        """Every measured pair with the texture's time (None: no texture), the cheapest first."""
+        found = []
+        for row in self.surfaces:
+            stages = dict(row["seconds"])
+            if texture is None:
+                stages.pop("atlas", None)
+            total = sum(stages.values()) + (0 if texture is None else self.texture_seconds(texture))
+            found.append(
+                Choice(
+                    resolution=row["resolution"],
+                    faces=row["faces"],
+                    seconds=self.scale * total,
+                    p99_mm=row["p99_mm"],
+                )
+            )
+        return sorted(found, key=lambda choice: choice.seconds)
+
+    def texture_seconds(self, size: int) -> float:
+        """Baking and encoding, in proportion to the texels between measured sizes."""
+        return self.texture_cost(size, lambda row: sum(row["seconds"].values()))
+
+    def texture_bytes(self, size: int) -> int:
+        return int(self.texture_cost(size, lambda row: row["bytes"]))
+
+    def texture_cost(self, size: int, value: Any) -> float:
+        texels = [row["size"] ** 2 for row in self.textures]
+        return float(np.interp(size**2, texels, [value(row) for row in self.textures]))
+
+    def stage_seconds(self, stage: str, resolution: int, faces: int, texture: int) -> float:
+        """What a stage takes at the measured settings nearest to these."""
+        if stage in ("bake", "encode"):
+            return self.scale * self.texture_cost(texture, lambda row: row["seconds"][stage])
+        nearest = min(
+            self.surfaces,
+            key=lambda row: abs(np.log(row["resolution"] / resolution)) + abs(np.log(row["faces"] / faces)),
+        )
+        return self.scale * nearest["seconds"][stage]
+
+
+def load_curves(path: Path, avatar: Any) -> Curves:
+    """The measured curves, scaled by how fast the avatar's field answers here.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    try:
+        data = json.loads(path.read_text())
+        scale = measure_speed(avatar) / data["field_us"]
+        return Curves(surfaces=tuple(data["surfaces"]), textures=tuple(data["textures"]), scale=scale)
+    except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError) as error:
+        raise InputError(
+            f"found no measured curves in {path} ({error}); write them with avatargen bench"
+        ) from error
+
+
+def measure_speed(avatar: Any) -> float:
+    """Microseconds a point of the field takes on this machine now."""
+    import torch
+
+    points = torch.from_numpy(speed_points(avatar.body.vertices).astype(np.float32))
+    avatar.sdf(points[:1000])  # warms up what the first call sets up
+    started = time.perf_counter()
+    avatar.sdf(points)
+    return 1e6 * (time.perf_counter() - started) / len(points)
+
+
+def speed_points(vertices: Float[np.ndarray, "V 3"]) -> Float64[np.ndarray, "N 3"]:
+    """The same points near the body each time."""
+    rng = np.random.default_rng(0)
+    chosen = np.sort(rng.integers(len(vertices), size=SPEED_POINTS))
+    return vertices[chosen] + rng.normal(scale=SPREAD, size=(SPEED_POINTS, 3))
+
+
+def within_tolerance(choices: list[Choice], tolerance_mm: float) -> list[Choice]:
+    """Choices to try in turn: those expected to keep the tolerance, the cheapest first, each finer than the
+    one before; the finest of all where none is expected to."""
+    ladder: list[Choice] = []
+    for choice in choices:
+        if choice.p99_mm <= tolerance_mm and (not ladder or choice.p99_mm < ladder[-1].p99_mm):
+            ladder.append(choice)
+    return ladder or [min(choices, key=lambda choice: choice.p99_mm)]
+
+
+def within_budget(choices: list[Choice], seconds: float) -> Choice:
+    """The smallest error that the seconds have room for, with headroom.
+
+    Raises:
+        InputError: not even the cheapest has room.
+    """
+    fitting = [choice for choice in choices if HEADROOM * choice.seconds <= seconds]
+    if not fitting:
+        raise InputError(
+            f"found --budget with {max(seconds, 0):.1f} s left for the work; the least is "
+            f"{HEADROOM * choices[0].seconds:.1f} s, so raise it or lower --texture"
+        )
+    return min(fitting, key=lambda choice: (choice.p99_mm, choice.seconds))
