@@ -31,6 +31,8 @@ def write_atomically(path: str | Path, data: bytes) -> None:
 def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
     """Write several files as `write_atomically` does: none takes its name before all are safe on disk.
 
+    They take their names in the order given, microseconds apart, so the one that names the others comes last.
+
     Raises:
         InputError: one of them cannot be written, and then none is; or two are the same file.
     """
@@ -44,9 +46,10 @@ def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
         for (path, _), target, part in zip(files, targets, staged, strict=True):
             try:
                 os.replace(part, target)
-                flush_folder(target.parent)
             except OSError as error:
                 raise unwritable(path, error) from error
+        for folder in {target.parent for target in targets}:
+            flush_folder(folder)
 
 
 def stage(path: str | Path, target: Path, data: bytes, parts: ExitStack) -> Path:

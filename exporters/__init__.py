@@ -1,5 +1,5 @@
-"""Asset -> files. `export` picks the encoder by the file's suffix; encoders turn an asset into bytes."""
+"""Asset -> files. `export` picks the format by the file's suffix; encoders turn an asset into bytes."""
 
-from exporters.export import ENCODERS, export, find_encoder
+from exporters.export import FORMATS, Format, encode, export, files_of, find_format
 
-__all__ = ["ENCODERS", "export", "find_encoder"]
+__all__ = ["FORMATS", "Format", "encode", "export", "files_of", "find_format"]

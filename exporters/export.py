@@ -1,36 +1,102 @@
-"""One table maps a file's suffix to its encoder; only `export` touches the disk."""
+"""One table says how each suffix is written; only `export` touches the disk."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from assets.asset import Asset
-from avatargen.atomic import write_atomically
+from assets.asset import PlainAsset
+from assets.plan import Content
+from avatargen.atomic import write_together
 from avatargen.errors import InputError
-from exporters import glb
+from exporters import glb, gltf_files, obj, ply, stl, vrm
+from exporters.file import File
 
-ENCODERS: dict[str, Callable[[Asset], bytes]] = {".glb": glb.encode}
+Encoder = Callable[[PlainAsset, tuple[str, ...]], tuple[File, ...]]
 
 
-def find_encoder(path: str | Path) -> Callable[[Asset], bytes]:
-    """The encoder for the path's suffix, upper or lower case.
+@dataclass(frozen=True)
+class Format:
+    """How one suffix is written.
+
+    `encode` gets the asset and the names of all files there may be, the one asked for first, and returns
+    those that the asset needs, in that order; it touches neither the disk nor the asset. `beside` ends the
+    names of the files that stand beside the one asked for: person.usda brings person_base_color.png.
+    `content` is the most that the format can hold, `rest_pose` the one that it must have.
+    """
+
+    encode: Encoder
+    beside: tuple[str, ...] = ()
+    content: Content = "rigged"
+    rest_pose: str | None = None
+
+
+def one_file(encode: Callable[[PlainAsset], bytes]) -> Encoder:
+    """An encoder that needs no names."""
+    return lambda asset, names: (File(names[0], encode(asset)),)
+
+
+def encode_usd(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
+    from exporters import usd  # its library takes a quarter of a second to load
+
+    return usd.encode(asset, names)
+
+
+FORMATS: dict[str, Format] = {
+    ".glb": Format(one_file(glb.encode)),
+    ".gltf": Format(gltf_files.encode, beside=(".bin", "_base_color.png")),
+    ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
+    ".usda": Format(encode_usd, beside=("_base_color.png",)),
+    ".usdc": Format(encode_usd, beside=("_base_color.png",)),
+    ".usdz": Format(encode_usd),
+    ".obj": Format(obj.encode, beside=(".mtl", "_base_color.png"), content="textured"),
+    ".ply": Format(one_file(ply.encode), content="textured"),
+    ".stl": Format(one_file(stl.encode), content="mesh"),
+}
+
+
+def find_format(path: str | Path) -> Format:
+    """The format of the path's suffix, upper or lower case.
 
     Raises:
         InputError: no encoder writes such files.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in ENCODERS:
+    if suffix not in FORMATS:
         raise InputError(
-            f"export: {Path(path).name!r} has no known suffix; use one of {', '.join(sorted(ENCODERS))}"
+            f"export: {Path(path).name!r} has no known suffix; use one of {', '.join(sorted(FORMATS))}"
         )
-    return ENCODERS[suffix]
+    return FORMATS[suffix]
 
 
-def export(asset: Asset, path: str | Path) -> int:
-    """Write the asset to `path`, whole or not at all; returns the number of bytes written.
+def files_of(path: str | Path) -> list[Path]:
+    """Every file that exporting to `path` can write, `path` itself first.
 
     Raises:
-        InputError: the suffix is unknown or the path cannot be written; an existing file stays as it was.
+        InputError: the suffix is unknown.
     """
-    data = find_encoder(path)(asset)
-    write_atomically(path, data)
-    return len(data)
+    path = Path(path)
+    return [path, *(path.with_name(path.stem + ending) for ending in find_format(path).beside)]
+
+
+def encode(asset: PlainAsset, path: str | Path) -> list[tuple[Path, bytes]]:
+    """Every file that exporting to `path` writes, with its bytes; `path` comes last.
+
+    Written in this order, a file that is there finds the files it names.
+
+    Raises:
+        InputError: the suffix is unknown, or the format cannot carry the asset or the file's name.
+    """
+    paths = files_of(path)
+    files = find_format(path).encode(asset, tuple(file.name for file in paths))
+    return [(paths[0].with_name(file.name), file.data) for file in reversed(files)]
+
+
+def export(asset: PlainAsset, path: str | Path) -> int:
+    """Write the asset to `path` and the files that belong beside it, all or none; returns the bytes in all.
+
+    Raises:
+        InputError: as `encode` does, or a file cannot be written; existing files stay as they were.
+    """
+    files = encode(asset, path)
+    write_together(files)
+    return sum(len(data) for _, data in files)

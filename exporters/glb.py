@@ -63,6 +63,17 @@ class Binary:
 
 def encode(asset: PlainAsset) -> bytes:
     """The asset as the bytes of a .glb file, with as much in it as the asset has."""
+    return pack(*describe(asset))
+
+
+def pack(document: gltf.GLTF2, data: bytes) -> bytes:
+    """A document and its buffer in one file."""
+    document.set_binary_blob(data)
+    return b"".join(document.save_to_bytes())
+
+
+def describe(asset: PlainAsset, picture_uri: str | None = None) -> tuple[gltf.GLTF2, bytes]:
+    """The document and its one buffer, which holds the picture unless that has a place of its own."""
     binary = Binary()
     document = gltf.GLTF2(
         asset=file_info(asset.info),
@@ -75,11 +86,14 @@ def encode(asset: PlainAsset) -> bytes:
     if isinstance(asset, Asset):
         add_skeleton(document, asset.skeleton, binary)
     if isinstance(asset, TexturedAsset):
-        add_texture(document, encode_png(asset.texture), binary)
+        add_texture(document)
+        if picture_uri is None:
+            document.images = [embedded(encode_png(asset.texture), binary)]
+        else:
+            document.images = [gltf.Image(name="base_color", uri=picture_uri)]
     document.accessors, document.bufferViews = binary.accessors, binary.views
     document.buffers = [gltf.Buffer(byteLength=len(binary.data))]
-    document.set_binary_blob(bytes(binary.data))
-    return b"".join(document.save_to_bytes())
+    return document, bytes(binary.data)
 
 
 def add_skeleton(document: gltf.GLTF2, skeleton: Skeleton, binary: Binary) -> None:
@@ -90,10 +104,12 @@ def add_skeleton(document: gltf.GLTF2, skeleton: Skeleton, binary: Binary) -> No
     document.scenes[0].nodes = [*np.flatnonzero(skeleton.parents < 0).tolist(), joint_count]
 
 
-def add_texture(document: gltf.GLTF2, png: bytes, binary: Binary) -> None:
-    """Put the base colour where the material expects it."""
-    picture = gltf.Image(name="base_color", mimeType=gltf.IMAGEPNG, bufferView=binary.add_bytes(png))
-    document.images = [picture]
+def embedded(png: bytes, binary: Binary) -> gltf.Image:
+    return gltf.Image(name="base_color", mimeType=gltf.IMAGEPNG, bufferView=binary.add_bytes(png))
+
+
+def add_texture(document: gltf.GLTF2) -> None:
+    """Let the material's texture read the document's only picture."""
     document.samplers = [texture_sampler()]
     document.textures = [gltf.Texture(sampler=0, source=0)]
 

@@ -19,6 +19,7 @@ import pygltflib
 import pytest
 import trimesh
 
+import exporters
 from avatargen import __version__
 from avatargen.body.joints import SMPL_JOINT_NAMES
 from avatargen.body.load import save_body
@@ -27,6 +28,7 @@ from avatargen.commands import avatar_export, export_run
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
 from avatargen.generator.generator import AvatarGenerator
+from exporters.check_usd import check_usd
 from tests.bodies import capsule_body
 from tests.verdicts import khronos_issues
 
@@ -114,6 +116,42 @@ def test_seed_to_file_with_report_and_preview(model: Model, capsys: pytest.Captu
     assert Path("a.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_every_format_from_the_command(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
+    """The command knows what `exporters` writes; the report names every file, the last line one."""
+    assert {f".{name}" for name in avatar_export.FORMATS} == set(exporters.FORMATS)
+    arguments = ["--seed", "3", "--format", "USDA", "--report", "r.json", "--preview", "avatar_3.png"]
+    assert avatar_export.main([*arguments, *model.options]) == 0
+    assert capsys.readouterr().out == "avatar_3.usda\n"
+    written = {"avatar_3.usda", "avatar_3_base_color.png"}
+    assert set(os.listdir()) == {*written, "r.json", "avatar_3.png"}
+    report = json.loads(Path("r.json").read_text())
+    assert set(report["files"]) == written
+    assert report["bytes"] == sum(Path(name).stat().st_size for name in written)
+    assert check_usd(Path("avatar_3.usda")) == []
+
+
+def test_a_format_gets_what_it_can_hold_in_the_pose_it_wants(
+    model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, content, pose in (("person.vrm", "rigged", "t"), ("person.stl", "mesh", "a")):
+        assert avatar_export.main(["--seed", "3", "--out", name, "--report", "r.json", *model.options]) == 0
+        settings = json.loads(Path("r.json").read_text())["settings"]
+        assert (settings["content"], settings["pose"]) == (content, pose)
+        assert ("in the T-pose that .vrm wants" in capsys.readouterr().err) == (name == "person.vrm")
+    codes = {message["code"] for message in khronos_issues(Path("person.vrm"))["messages"]}
+    assert codes == {"UNSUPPORTED_EXTENSION"}  # VRM's own
+    assert trimesh.load_mesh("person.stl").is_volume
+
+
+def test_a_file_beside_that_cannot_be_written_stops_it_all(
+    model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("avatar_3_base_color.png").mkdir()
+    assert avatar_export.main(["--seed", "3", "--format", "usdc", *model.options]) == 2
+    assert "cannot write avatar_3_base_color.png: it is a folder" in capsys.readouterr().err
+    assert os.listdir() == ["avatar_3_base_color.png"]
+
+
 def test_default_name_same_bytes_and_poses(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
     np.savez("zeros.npz", pose=np.zeros((24, 3), np.float32))
     assert avatar_export.main(["--seed", "7", *model.options]) == 0
@@ -132,7 +170,6 @@ def test_default_name_same_bytes_and_poses(model: Model, capsys: pytest.CaptureF
 def test_python_does_what_the_command_does(model: Model) -> None:
     import assets
     import avatargen
-    import exporters
 
     assert avatar_export.main(["--seed", "5", "--out", "command.glb", *model.options]) == 0
     avatar = avatargen.load_generator(model.weights, body=model.body).sample(seed=5)
@@ -144,12 +181,13 @@ def test_python_does_what_the_command_does(model: Model) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["--format", "obj"], "no known suffix; use one of"),
-        (["--format", "../x"], "--format: found '../x', wanted a suffix such as glb"),
-        (["--format", ".OBJ"], "no known suffix"),
-        (["--out", "a.fbx"], "no known suffix; use one of .glb"),
+        (["--format", "fbx"], "--format: found 'fbx', wanted one of glb"),
+        (["--format", "../x"], "--format: found '../x', wanted one of glb"),
+        (["--out", "a.fbx"], "found --out a.fbx, wanted a name that ends in one of .glb"),
+        (["--out", "a.usda", "--format", "glb"], "give a name that ends in .glb"),
         (["--pose", "handstand"], "found --pose handstand, wanted one of x, t, a or an .npz file"),
         (["--pose", "noise"], "noise"),
+        (["--format", "vrm", "--pose", "a"], "found --pose a, but this format rests in pose t"),
         (["--weights", "noise"], "noise is no whole safetensors file"),
         (["--weights", "cut"], "cut"),
         (["--weights", "wild"], "NaN or infinite"),
@@ -189,7 +227,7 @@ def write_wild_weights(model: Model) -> None:
     save_checkpoint(generator, "wild")
 
 
-@pytest.mark.parametrize("stage", ["build", "write_together"])
+@pytest.mark.parametrize("stage", ["build_content", "write_together"])
 def test_interruption_leaves_what_was_there(
     model: Model, stage: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,7 +2,6 @@
 
 import io
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,7 @@ from jaxtyping import TypeCheckError
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from avatargen.errors import InputError
-from exporters import ENCODERS, export, glb
+from exporters import glb
 from exporters.png import encode_png
 from tests.tube import chain, tube
 
@@ -190,21 +188,6 @@ def test_encoding_leaves_the_asset_alone() -> None:
     glb.encode(asset)
     for name, array in before.items():
         np.testing.assert_array_equal(getattr(asset, name), array)
-
-
-def test_export_writes_the_encoders_bytes(tmp_path: Path) -> None:
-    path = tmp_path / "person.GLB"
-    assert export(tube(), path) == path.stat().st_size
-    assert path.read_bytes() == glb.encode(tube())
-    assert [entry.name for entry in tmp_path.iterdir()] == ["person.GLB"]
-
-
-@pytest.mark.parametrize("name", ["a.gltf", "a", "a.glb.zip", ".glb", ""])
-def test_unknown_suffixes_are_refused_with_the_known_ones(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match=r"no known suffix; use one of .*\.glb"):
-        export(tube(), tmp_path / name)
-    assert list(tmp_path.iterdir()) == []
-    assert set(ENCODERS) == {".glb"}
 
 
 def test_a_wrong_shape_raises() -> None:

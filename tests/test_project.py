@@ -12,7 +12,8 @@ import pytest
 
 PROJECT = Path(__file__).parents[1]
 PACKAGES = ("avatargen", "assets", "exporters")
-MODULE_OF = {"pillow": "PIL", "libigl": "igl", "scikit-image": "skimage"}  # by install name
+# by install name
+MODULE_OF = {"pillow": "PIL", "libigl": "igl", "scikit-image": "skimage", "usd-core": "pxr"}
 # what each package may import of ours; only the commands see everything
 ALLOWED = {"avatargen": {"avatargen"}, "assets": {"assets", "avatargen"}, "exporters": set(PACKAGES)}
 LEARNED = ("avatargen.generator", "avatargen.training", "avatargen.wardrobe", "avatargen.commands")
@@ -83,7 +84,7 @@ def test_public_names() -> None:
     import exporters
 
     assert {"load_generator", "Avatar", "__version__"} <= set(avatargen.__all__)
-    assert {"ENCODERS", "export", "find_encoder"} == set(exporters.__all__)
+    assert {"FORMATS", "Format", "encode", "export", "files_of", "find_format"} == set(exporters.__all__)
     for package in (assets, avatargen, exporters):
         for name in package.__all__:
             assert getattr(package, name) is not None

@@ -1,4 +1,7 @@
-"""Ask the real judges, Khronos' validator and Blender. Without one the test skips; under CI it fails."""
+"""Ask the real judges: Khronos' validator, Blender, web engines.
+
+Without one the test skips; under CI it fails.
+"""
 
 import json
 import os
@@ -29,15 +32,35 @@ def require(there: bool, judge: str) -> None:
         pytest.skip(f"{judge} is not installed; run `make judges`")
 
 
-def khronos_issues(path: Path) -> dict:
-    """What Khronos' validator has to say: `messages`, and counts of errors, warnings, notes and hints."""
+def ask_node(script: str, package: str, *arguments: str | Path) -> dict:
+    """What a judge that runs in Node prints; `package` is what it stands on."""
     node = shutil.which("node") or shutil.which("node", path=PROJECT / ".venv" / "bin")
-    installed = node is not None and (JUDGES / "node_modules" / "gltf-validator").is_dir()
-    require(installed, "Khronos' gltf-validator")
-    command = [str(node), str(JUDGES / "khronos.cjs"), str(path)]
+    require(node is not None and (JUDGES / "node_modules" / package).is_dir(), package)
+    command = [str(node), str(JUDGES / script), *map(str, arguments)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert run.returncode == 0, run.stderr
-    return json.loads(run.stdout)
+    return json.loads(run.stdout.splitlines()[-1])
+
+
+def khronos_issues(path: Path) -> dict:
+    """What Khronos' validator has to say: `messages`, and counts of errors, warnings, notes and hints."""
+    return ask_node("khronos.cjs", "gltf-validator", path)
+
+
+def ask_engine(script: str, package: str, path: Path, asset: Asset, T_posed_rest: np.ndarray) -> dict:
+    """What a web engine makes of a file: its `posed` vertices [P W 3], its `bones` and what else it tells."""
+    poses = path.with_suffix(".poses.json")
+    names = asset.skeleton.joint_names
+    poses.write_text(json.dumps({"names": names, "T_posed_rest": T_posed_rest.tolist()}))
+    found = ask_node(script, package, path, poses)
+    found["posed"] = np.array(found["posed"]).reshape(len(T_posed_rest), len(asset.vertices), 3)
+    return found
+
+
+def parent_names(asset: Asset) -> dict[str, str | None]:
+    """Each joint's parent by name, as the judges tell it."""
+    names, parents = asset.skeleton.joint_names, asset.skeleton.parents
+    return {name: names[parent] if parent >= 0 else None for name, parent in zip(names, parents, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -50,14 +73,19 @@ class Verdict:
     picture: np.ndarray
 
 
-def blender_verdict(asset: Asset, T_posed_rest: np.ndarray, folder: Path) -> Verdict:
-    """Export, then import and pose in Blender's own process; `T_posed_rest` is [P J 4 4]."""
+def blender_python() -> Path:
     python = PROJECT / ".venv-blender" / "bin" / "python"
     require(python.exists(), "Blender (bpy in .venv-blender)")
-    export(asset, folder / "asset.glb")
+    return python
+
+
+def blender_verdict(asset: Asset, T_posed_rest: np.ndarray, folder: Path, name: str = "asset.glb") -> Verdict:
+    """Export, then import and pose in Blender's own process; `T_posed_rest` is [P J 4 4]."""
+    python = blender_python()
+    export(asset, folder / name)
     np.savez(folder / "poses.npz", names=np.array(asset.skeleton.joint_names), T_posed_rest=T_posed_rest)
     script = JUDGES / "blender_check.py"
-    command = [str(python), str(script), str(folder / "asset.glb"), str(folder / "poses.npz"), str(folder)]
+    command = [str(python), str(script), str(folder / name), str(folder / "poses.npz"), str(folder)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=240)
     assert (folder / "posed.png").exists(), run.stdout + run.stderr
     with np.load(folder / "deformed.npz") as arrays, Image.open(folder / "posed.png") as picture:
@@ -90,17 +118,14 @@ def our_vertices(asset: Asset, T_posed_rest: np.ndarray) -> np.ndarray:
 
 def check_blender(verdict: Verdict, asset: Asset, T_posed_rest: np.ndarray) -> None:
     """Names, hierarchy, weights, picture and bent shape are what was exported, and something was drawn."""
-    names, parents = asset.skeleton.joint_names, asset.skeleton.parents
-    bones = {
-        name: names[parent] if parent >= 0 else None for name, parent in zip(names, parents, strict=True)
-    }
-    assert verdict.found["bones"] == bones
+    names = asset.skeleton.joint_names
+    assert verdict.found["bones"] == parent_names(asset)
     assert set(verdict.found["vertex_groups"]) == set(names)
     weighted = {names[j] for j in np.unique(asset.joints[asset.weights > 0])}
     assert set(verdict.found["groups_with_vertices"]) == weighted
     assert verdict.found["triangles"] == len(asset.faces)
     height, width = asset.texture.shape[:2]
-    assert verdict.found["images"] == [{"name": "base_color", "size": [width, height], "packed": True}]
+    assert [image["size"] for image in verdict.found["images"]] == [[width, height]]
     used = np.unique(asset.faces)  # Blender drops vertices that no face names
     np.testing.assert_allclose(verdict.rest, asset.vertices[used], atol=AGREE)
     for posed, transforms in zip(verdict.posed, T_posed_rest, strict=True):

@@ -16,6 +16,8 @@ from avatargen.errors import InputError
 
 PROGRAM = "avatar-export"
 LARGEST_SEED = 2**63 - 1
+# what `exporters` writes, which takes seconds to ask
+FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
 DESCRIPTION = """\
 Make one clothed, textured, rigged human from a seed and write it to a file.
 
@@ -25,6 +27,7 @@ EXAMPLES = """\
 examples:
   avatar-export --seed 3 --format glb
   avatar-export --seed 3 --out person.glb --report person.json --preview person.png
+  avatar-export --seed 3 --out person.usdz
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
 """
 
@@ -54,7 +57,7 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         "--format",
         type=format_name,
         metavar="NAME",
-        help="file format: glb (default: the suffix of --out, else glb)",
+        help=f"file format: {', '.join(FORMATS)} (default: the suffix of --out, else glb)",
     )
     add("--out", type=Path, metavar="FILE", help="where to write (default: avatar_SEED.FORMAT here)")
     add(
@@ -83,7 +86,9 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         metavar="N",
         help="fineness the field is sampled at (default: 512)",
     )
-    shape.add_argument("--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a)")
+    shape.add_argument(
+        "--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a; VRM wants t)"
+    )
     model = parser.add_argument_group("the model")
     model.add_argument(
         "--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones"
@@ -123,8 +128,8 @@ def export_avatar(given: Namespace) -> None:
 def format_name(text: str) -> str:
     """An argument type: a suffix, with or without its dot, in any case."""
     name = text.removeprefix(".").lower()
-    if not (name.isascii() and name.isalnum()):
-        raise ArgumentTypeError(f"found {text!r}, wanted a suffix such as glb")
+    if name not in FORMATS:
+        raise ArgumentTypeError(f"found {text!r}, wanted one of {', '.join(FORMATS)}")
     return name
 
 
@@ -132,6 +137,8 @@ def output_path(given: Namespace) -> Path:
     """Where the asset goes: --out and --format must agree, and each can stand in for the other."""
     if given.out is None:
         return Path(f"avatar_{given.seed}.{given.format or 'glb'}")
+    if given.out.suffix.lower().removeprefix(".") not in FORMATS:
+        raise InputError(f"found --out {given.out}, wanted a name that ends in one of .{', .'.join(FORMATS)}")
     if given.format is not None and given.out.suffix.lower() != f".{given.format}":
         raise InputError(
             f"found --out {given.out} with --format {given.format}; give a name that ends in .{given.format}"

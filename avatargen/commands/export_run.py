@@ -13,15 +13,15 @@ from pathlib import Path
 import torch
 
 import avatargen
-from assets import Asset, BuildConfig, build
+from assets import BuildConfig, PlainAsset, build_content
 from assets.asset import Report
 from assets.preview import render
-from avatargen.atomic import write_together
+from avatargen.atomic import check_writable, write_together
 from avatargen.avatar import Avatar
 from avatargen.body.pose import load_pose
 from avatargen.commands.progress import Show
 from avatargen.errors import InputError
-from exporters import find_encoder
+from exporters import Format, encode, files_of, find_format
 from exporters.png import encode_png
 
 STARTED = time.perf_counter()
@@ -55,8 +55,10 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     Raises:
         AvatarGenError: an argument, file or field is bad; then nothing is written.
     """
-    encode = find_encoder(path)
-    settings = build_settings(given)
+    for beside in files_of(path)[1:]:
+        check_writable(beside)
+    wanted = find_format(path)
+    settings = build_settings(given, wanted)
     require_device(given.device)
     clock = Clock(show, {"import": process_seconds()})
     with clock.stage("load"):
@@ -66,8 +68,8 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     config = with_pose(settings, given.pose, avatar)
     asset, report = build_reported(avatar, config, clock)
     with clock.stage("encode"):
-        data = encode(asset)
-    files = [(path, data)]
+        files = encode(asset, path)
+    size = sum(len(data) for _, data in files)
     if given.preview is not None:
         with clock.stage("preview"):
             files.append((given.preview, encode_png(render(asset))))
@@ -75,18 +77,19 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     total = process_seconds()
     if given.report is not None:
         seconds = clock.seconds | {"total": total}
-        facts = make_report(given, path, asset, report, config, len(data), seconds)
+        facts = make_report(given, path, asset, report, config, size, seconds)
         files.append((given.report, json.dumps(facts, indent=2).encode() + b"\n"))
     write_together(files)
     return (
-        f"{path}: {len(data) / 1e6:.1f} MB, {len(asset.faces):,} faces, {total:.1f} s, "
+        f"{path}: {size / 1e6:.1f} MB, {len(asset.faces):,} faces, {total:.1f} s, "
         f"error {report.error.mean_mm:.3f} mm mean, {report.error.p99_mm:.2f} mm p99"
+        + (f", in the {wanted.rest_pose.upper()}-pose that {path.suffix} wants" if wanted.rest_pose else "")
     )
 
 
-def build_reported(avatar: Avatar, config: BuildConfig, clock: Clock) -> tuple[Asset, Report]:
-    """The asset, and the report that `build` leaves in it."""
-    asset = build(avatar, config, progress=clock.show_build)
+def build_reported(avatar: Avatar, config: BuildConfig, clock: Clock) -> tuple[PlainAsset, Report]:
+    """The asset, and the report that its building leaves in it."""
+    asset = build_content(avatar, config, progress=clock.show_build)
     assert asset.report is not None  # only assets that were not built have none
     clock.seconds.update(asset.report.seconds)
     return asset, asset.report
@@ -101,15 +104,23 @@ def require_device(name: str) -> None:
         raise InputError(f"found --device {name}, which does not work here ({reason}); use cpu") from error
 
 
-def build_settings(given: Namespace) -> BuildConfig:
-    """The options given, over BuildConfig's own defaults; a pose file follows when the body is known."""
+def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
+    """The options given, over BuildConfig's own defaults; a pose file follows when the body is known.
+
+    Only what the format can hold is built, in the rest pose that it must have.
+    """
     options = {name: getattr(given, name) for name in ("faces", "texture", "resolution")}
     named = given.pose.lower() if given.pose is not None and given.pose.lower() in NAMED_POSES else None
     if given.pose is not None and named is None and not Path(given.pose).is_file():
         raise InputError(
             f"found --pose {given.pose}, wanted one of {', '.join(NAMED_POSES)} or an .npz file that exists"
         )
-    options["pose"] = named
+    if wanted.rest_pose is not None and given.pose is not None and named != wanted.rest_pose:
+        raise InputError(
+            f"found --pose {given.pose}, but this format rests in pose {wanted.rest_pose}; leave --pose out"
+        )
+    options["pose"] = wanted.rest_pose or named
+    options["content"] = wanted.content
     return BuildConfig(**{name: value for name, value in options.items() if value is not None})
 
 
@@ -123,7 +134,7 @@ def with_pose(config: BuildConfig, pose: str | None, avatar: Avatar) -> BuildCon
 def make_report(
     given: Namespace,
     path: Path,
-    asset: Asset,
+    asset: PlainAsset,
     report: Report,
     config: BuildConfig,
     size: int,
@@ -134,6 +145,7 @@ def make_report(
     return {
         "seed": given.seed,
         "path": str(path),
+        "files": [str(file) for file in files_of(path)],
         "version": asset.info.version,
         "weights_hash": asset.info.weights_hash,
         "licence": asset.info.licence,
@@ -147,6 +159,7 @@ def make_report(
             "resolution": config.resolution,
             "faces": config.faces,
             "texture": config.texture,
+            "content": config.content,
             "pose": pose if isinstance(pose, str) else str(given.pose),
             "body": str(given.body) if given.body else "default",
             "weights": str(given.weights) if given.weights else "default",

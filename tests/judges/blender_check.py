@@ -10,7 +10,15 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from blender_scene import Imported, deformed_vertices, import_glb, look_at, pose_bones, prepare_render, render
+from blender_scene import (
+    Imported,
+    deformed_vertices,
+    import_rigged,
+    look_at,
+    pose_bones,
+    prepare_render,
+    render,
+)
 
 
 def describe(imported: Imported) -> dict[str, object]:
@@ -36,7 +44,7 @@ def describe(imported: Imported) -> dict[str, object]:
 
 
 def main(glb: str, poses: str, out: Path) -> None:
-    imported = import_glb(glb)
+    imported = import_rigged(glb)
     imported.mesh.data.calc_loop_triangles()
     (out / "found.json").write_text(json.dumps(describe(imported)))
     rest = deformed_vertices(imported)

@@ -14,7 +14,7 @@ from blender_scene import (
     GLTF_FROM_BLENDER,
     Imported,
     deformed_vertices,
-    import_glb,
+    import_rigged,
     look_at,
     pose_bones,
     prepare_render,
@@ -124,7 +124,7 @@ def main() -> None:
     parser.add_argument("--views", nargs="+", default=list(VIEWS), choices=list(VIEWS))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    imported = import_glb(given.glb)
+    imported = import_rigged(given.glb)
     prepare_render(given.size, given.samples)
     pictures: list[list[Path]] = []
     for pose in given.poses:

@@ -1,4 +1,4 @@
-"""Import a GLB into an empty Blender scene, pose its skeleton, read its deformed vertices.
+"""Import a rigged file into an empty Blender scene, pose its skeleton, read its deformed vertices.
 
 Runs only where `bpy` is installed. Transforms and points go in and out in glTF's axes (metres, y up, facing
 +z); inside, Blender's z is up and the person faces -y.
@@ -21,10 +21,9 @@ class Imported:
     mesh: bpy.types.Object
 
 
-def import_glb(path: str) -> Imported:
+def import_rigged(path: str) -> Imported:
     """Empty the scene and import the file. Raises ValueError unless it gives one armature and one skin."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.import_scene.gltf(filepath=path)
+    import_file(path)
     armatures = [o for o in bpy.data.objects if o.type == "ARMATURE"]
     meshes = [
         o for o in bpy.data.objects if o.type == "MESH" and any(m.type == "ARMATURE" for m in o.modifiers)
@@ -36,6 +35,18 @@ def import_glb(path: str) -> Imported:
             f"{path}: {len(armatures)} armatures and {len(meshes)} skinned meshes; one of each is wanted"
         )
     return Imported(armature=armatures[0], mesh=meshes[0])
+
+
+def import_file(path: str) -> None:
+    """Empty the scene and import the file with Blender's importer for its suffix."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    suffix = path.rsplit(".", 1)[1].lower()
+    if suffix.startswith("usd"):
+        bpy.ops.wm.usd_import(filepath=path)
+    elif suffix in ("obj", "ply", "stl"):
+        getattr(bpy.ops.wm, f"{suffix}_import")(filepath=path)
+    else:
+        bpy.ops.import_scene.gltf(filepath=path)
 
 
 def rest_transforms(imported: Imported) -> dict[str, np.ndarray]:

@@ -1,0 +1,69 @@
+"""A textured mesh as Wavefront OBJ: NAME.obj, NAME.mtl and the texture. Metres, y up.
+
+The uv origin is at the bottom left there. A corner names its place, uv and normal apart, so the mesh stays
+closed over the texture's seams.
+"""
+
+import re
+
+import numpy as np
+from jaxtyping import Float32, Int64
+
+from assets.asset import AssetInfo, PlainAsset, TexturedAsset
+from avatargen.errors import InputError
+from exporters.file import File
+from exporters.png import encode_png
+from exporters.weld import weld
+
+UNNAMEABLE = re.compile(r"[\x00-\x1f#]|^\s|\s$")  # a line's end, a comment's begin
+
+
+def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
+    """The mesh, and for a textured asset its material and texture.
+
+    Raises:
+        InputError: the names of the files beside cannot stand inside an OBJ or MTL file.
+    """
+    name, material_name, texture_name = names
+    if UNNAMEABLE.search(material_name):
+        raise InputError(
+            f"export: {name!r} holds a character that OBJ cannot keep in a name; use letters and digits"
+        )
+    mesh = weld(asset)
+    head = f"{describe(asset.info)}\n"
+    places, normals = lines("v", mesh.vertices), lines("vn", mesh.normals)
+    if not isinstance(asset, TexturedAsset):
+        corners = faces(mesh.faces + 1, "{0}//{0}")
+        return (File(name, "".join([head, "o avatar\n", places, normals, corners]).encode()),)
+    uv = lines("vt", (asset.uv * [1, -1] + [0, 1]).astype(np.float32))
+    corners = faces(np.stack([mesh.faces, asset.faces], axis=-1) + 1, "{0}/{1}/{0}")
+    head += f"mtllib {material_name}\no avatar\n"
+    text = "".join([head, places, uv, normals, "usemtl avatar\n", corners])
+    return (
+        File(name, text.encode()),
+        File(material_name, material(texture_name).encode()),
+        File(texture_name, encode_png(asset.texture)),
+    )
+
+
+def describe(info: AssetInfo) -> str:
+    """Where the mesh comes from, as one comment."""
+    text = f"avatargen {info.version}, seed {info.seed}, weights {info.weights_hash}, {info.licence}"
+    return f"# {' '.join(text.split())}"
+
+
+def lines(keyword: str, rows: Float32[np.ndarray, "N D"]) -> str:
+    """A line a row; nine digits give every float32 back."""
+    pattern = f"{keyword} {' '.join(['%.9g'] * rows.shape[1])}\n"
+    return "".join(pattern % tuple(row) for row in rows.tolist())
+
+
+def faces(corners: Int64[np.ndarray, "F 3 *indices"], pattern: str) -> str:
+    """A line a triangle; `pattern` says how a corner's indices are written."""
+    rows = corners.reshape(len(corners), 3, -1).tolist()
+    return "".join(f"f {' '.join(pattern.format(*corner) for corner in row)}\n" for row in rows)
+
+
+def material(texture_name: str) -> str:
+    """Light is scattered, nothing shines."""
+    return f"newmtl avatar\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nNs 10\nd 1\nillum 1\nmap_Kd {texture_name}\n"

@@ -1,0 +1,75 @@
+"""An asset's animations and morphs in USD: a SkelAnimation each, a BlendShape each.
+
+A skeleton plays one animation, the first; the others stand beside it, for a scene to bind. Letters: T frames,
+J joints, W vertices.
+"""
+
+# USD's modules fill themselves when they load, so their names are unknown before.
+# pyright: reportAttributeAccessIssue=false
+
+import numpy as np
+from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel, Vt
+
+from assets.asset import Asset
+from assets.rig import Animation, Skeleton
+
+FRAMES_PER_SECOND = 24.0  # what times are counted in, and what importers assume that do not ask
+NEGLIGIBLE = 1e-7  # metres; a vertex that a morph moves by less is not stored
+
+
+def add_animations(stage: Usd.Stage, asset: Asset, prim: UsdSkel.Skeleton) -> None:
+    """Every animation beside the skeleton, the first bound to it."""
+    if not asset.animations:
+        return
+    stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
+    stage.SetFramesPerSecond(FRAMES_PER_SECOND)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(max(float(motion.times[-1]) for motion in asset.animations) * FRAMES_PER_SECOND)
+    folder = prim.GetPath().GetParentPath()
+    names = unique_names([motion.name for motion in asset.animations], taken={"skeleton", "mesh", "looks"})
+    paths = [folder.AppendChild(name) for name in names]
+    joints = prim.GetJointsAttr().Get()
+    for path, motion in zip(paths, asset.animations, strict=True):
+        add_animation(UsdSkel.Animation.Define(stage, path), motion, asset.skeleton, joints)
+    UsdSkel.BindingAPI.Apply(prim.GetPrim()).CreateAnimationSourceRel().SetTargets(paths[:1])
+
+
+def add_animation(
+    prim: UsdSkel.Animation, motion: Animation, skeleton: Skeleton, joints: Vt.TokenArray
+) -> None:
+    """A joint's translation is its rest's, but for the root's."""
+    prim.CreateJointsAttr(joints)
+    prim.CreateScalesAttr(Vt.Vec3hArray(len(joints), Gf.Vec3h(1)))
+    translations = skeleton.T_parent_joint[:, :3, 3].astype(np.float32)
+    moving, turning = prim.CreateTranslationsAttr(), prim.CreateRotationsAttr()
+    for time, rotations, root in zip(motion.times, motion.rotations, motion.root, strict=True):
+        code = Usd.TimeCode(float(time) * FRAMES_PER_SECOND)
+        translations[0] = root
+        moving.Set(Vt.Vec3fArray.FromNumpy(translations), code)
+        turning.Set(Vt.QuatfArray([Gf.Quatf(w, x, y, z) for x, y, z, w in rotations.tolist()]), code)
+
+
+def add_morphs(stage: Usd.Stage, asset: Asset, mesh: UsdGeom.Mesh) -> None:
+    """Every morph below the mesh, listed by its own name."""
+    if not asset.morphs:
+        return
+    names = unique_names([morph.name for morph in asset.morphs], taken=set())
+    paths = [mesh.GetPath().AppendChild(name) for name in names]
+    for path, morph in zip(paths, asset.morphs, strict=True):
+        moved = np.flatnonzero(np.abs(morph.vertices).max(axis=1) > NEGLIGIBLE)
+        shape = UsdSkel.BlendShape.Define(stage, path)
+        shape.CreateOffsetsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(morph.vertices[moved])))
+        shape.CreatePointIndicesAttr(Vt.IntArray.FromNumpy(moved.astype(np.int32)))
+    binding = UsdSkel.BindingAPI(mesh.GetPrim())
+    binding.CreateBlendShapesAttr([morph.name for morph in asset.morphs])
+    binding.CreateBlendShapeTargetsRel().SetTargets(paths)
+
+
+def unique_names(names: list[str], taken: set[str]) -> list[str]:
+    """Names that prims can have, none twice and none that is taken."""
+    unique: list[str] = []
+    for name in map(Tf.MakeValidIdentifier, names):
+        while name in taken or name in unique:
+            name += "_"
+        unique.append(name)
+    return unique

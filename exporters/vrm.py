@@ -1,0 +1,108 @@
+"""A rigged asset as VRM 1.0: a .glb whose joints are known as a person's bones, and who may use it for what.
+
+VRM wants a person at rest in the T-pose, facing +z, soles at y = 0, with fifteen bones at least. Its programs
+move those bones themselves, so animations stay behind.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from assets.asset import Asset, AssetInfo, PlainAsset
+from assets.names import NAME_PRESETS, VRM_HUMAN_BONES
+from assets.rig import Skeleton
+from avatargen.errors import InputError
+from exporters import glb
+
+REST_POSE = "t"
+LICENCE_URL = "https://vrm.dev/licenses/1.0/"
+OPEN_LICENCES = {  # that let anyone do anything, and where they stand
+    "Apache-2.0": "https://www.apache.org/licenses/LICENSE-2.0",
+    "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
+    "MIT": "https://opensource.org/license/mit",
+}
+SIDED = ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")
+REQUIRED_BONES = ("hips", "spine", "head", *(side + bone for side in ("left", "right") for bone in SIDED))
+LARGEST_TURN = 0.1  # radians a joint may be off the T-pose
+LARGEST_GAP = 0.02  # metres between the soles and the ground
+
+
+def encode(asset: PlainAsset) -> bytes:
+    """The bytes of a .vrm file.
+
+    Raises:
+        InputError: the asset has no skeleton or not the bones, pose or place that VRM wants.
+    """
+    if not isinstance(asset, Asset):
+        raise InputError("vrm: the asset has no skeleton, which VRM is about; build a rigged one")
+    bones = human_bones(asset.skeleton.joint_names)
+    require_t_pose(asset.skeleton, bones)
+    gap = float(asset.vertices[:, 1].min())
+    if abs(gap) > LARGEST_GAP:
+        raise InputError(f"vrm: the soles are at y = {gap:.2f} m, wanted 0; build with on_ground=True")
+    document, data = glb.describe(replace(asset, animations=()))
+    (mesh_node,) = (i for i, node in enumerate(document.nodes) if node.mesh is not None)
+    document.extensionsUsed = ["VRMC_vrm"]
+    document.extensions = {
+        "VRMC_vrm": {
+            "specVersion": "1.0",
+            "meta": meta(asset.info),
+            "humanoid": {"humanBones": {bone: {"node": joint} for bone, joint in bones.items()}},
+            "firstPerson": {"meshAnnotations": [{"node": mesh_node, "type": "auto"}]},
+        }
+    }
+    return glb.pack(document, data)
+
+
+def human_bones(joint_names: tuple[str, ...]) -> dict[str, int]:
+    """Joint by VRM's name of its bone; joints may have the names of any preset.
+
+    Raises:
+        InputError: a bone that VRM requires is missing.
+    """
+    bone_of_name = {
+        table.get(joint, joint): bone
+        for table in NAME_PRESETS.values()
+        for joint, bone in VRM_HUMAN_BONES.items()
+    }
+    bones = {bone_of_name[name]: index for index, name in enumerate(joint_names) if name in bone_of_name}
+    missing = [bone for bone in REQUIRED_BONES if bone not in bones]
+    if missing:
+        raise InputError(
+            f"vrm: no joint is known as {', '.join(missing)}; use a body whose joints have SMPL's names"
+        )
+    return bones
+
+
+def require_t_pose(skeleton: Skeleton, bones: dict[str, int]) -> None:
+    """Raises InputError where a bone rests turned against the T-pose."""
+    if skeleton.turns is None:
+        return
+    cosine = (np.trace(skeleton.turns[list(bones.values())], axis1=1, axis2=2) - 1) / 2
+    worst = float(np.arccos(np.clip(cosine, -1, 1)).max())
+    if worst > LARGEST_TURN:
+        raise InputError(
+            f"vrm: a joint rests {np.degrees(worst):.0f} degrees off the T-pose, which VRM wants; "
+            "build with pose='t' (--pose t)"
+        )
+
+
+def meta(info: AssetInfo) -> dict[str, object]:
+    """Name, author and permissions: all of them under an open licence, else VRM's strictest."""
+    facts: dict[str, object] = {
+        "name": f"avatar {info.seed}",
+        "version": info.version,
+        "authors": ["avatargen"],
+        "copyrightInformation": info.licence,
+        "licenseUrl": LICENCE_URL,
+    }
+    if info.licence not in OPEN_LICENCES:
+        return facts
+    return facts | {
+        "avatarPermission": "everyone",
+        "commercialUsage": "corporation",
+        "creditNotation": "unnecessary",
+        "allowRedistribution": True,
+        "modification": "allowModificationRedistribution",
+        "otherLicenseUrl": OPEN_LICENCES[info.licence],
+    }

@@ -1,0 +1,129 @@
+"""What holds for every format: one table, whole files or none, the same bytes for the same asset."""
+
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from assets.asset import PlainAsset, TexturedAsset
+from avatargen.errors import InputError
+from exporters import FORMATS, encode, export, files_of
+from exporters.check_usd import check_usd
+from tests.figure import figure
+from tests.test_avatar_export import outside
+from tests.verdicts import khronos_issues
+
+NAMES = [f"person{suffix}" for suffix in FORMATS]
+ARRAYS = ("vertices", "normals", "uv", "faces", "joints", "weights", "texture")
+
+
+@pytest.mark.parametrize("name", ["a.fbx", "a", "a.glb.zip", ".glb", ""])
+def test_unknown_suffixes_are_refused_with_the_known_ones(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=r"no known suffix; use one of \.glb, .*\.usdz"):
+        export(figure(), tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_files_announced_are_the_files_written(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name.upper()  # the suffix counts in any case
+    size = export(figure(), path)
+    written = list(tmp_path.iterdir())
+
+    assert files_of(path)[0] == path
+    assert sorted(written) == sorted(files_of(path))
+    assert size == sum(file.stat().st_size for file in written)
+    assert encode(figure(), path)[-1][0] == path  # a file that is there finds the files it names
+    assert dict(encode(figure(), path)) == {f: f.read_bytes() for f in written}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_encoding_leaves_the_asset_alone(name: str) -> None:
+    asset = figure()
+    before = {array: getattr(asset, array).copy() for array in ARRAYS}
+    encode(asset, name)
+    for array, values in before.items():
+        np.testing.assert_array_equal(getattr(asset, array), values)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if FORMATS[Path(name).suffix].beside])
+def test_one_file_that_cannot_be_written_leaves_all_as_they_were(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    export(figure(), path)
+    before = {file: file.read_bytes() for file in files_of(path)}
+    blocked = files_of(path)[-1]
+    blocked.unlink()
+    blocked.mkdir()
+    with pytest.raises(InputError, match=f"cannot write .*{blocked.name}: it is a folder"):
+        export(figure(size=32), path)
+    assert all(file.read_bytes() == before[file] for file in files_of(path) if file != blocked)
+    assert sorted(tmp_path.iterdir()) == sorted(files_of(path))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_same_asset_same_bytes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = encode(figure(), name)
+    monkeypatch.setattr("time.time", lambda: 2e9)
+    assert encode(figure(), name) == first
+
+
+@pytest.mark.parametrize("kind", [PlainAsset, TexturedAsset])
+@pytest.mark.parametrize("name", [name for name in NAMES if not name.endswith(".vrm")])
+def test_lesser_assets_make_lesser_files(tmp_path: Path, name: str, kind: type[PlainAsset]) -> None:
+    """Nothing is written for what an asset does not have; `.stl` alone never has more than the shape."""
+    whole = figure()
+    asset = kind(**{part.name: getattr(whole, part.name) for part in fields(kind)})
+    size = export(asset, tmp_path / name)
+    content = FORMATS[Path(name).suffix].content
+
+    pictures = [path for path in tmp_path.iterdir() if path.name.endswith("_base_color.png")]
+    assert bool(pictures) == (kind is TexturedAsset and len(files_of(name)) > 1)
+    if content == "mesh" or (content == "textured" and kind is TexturedAsset):
+        assert size == sum(len(data) for _, data in encode(whole, name))
+    else:
+        assert size < sum(len(data) for _, data in encode(whole, name))
+    if name.endswith((".glb", ".gltf")):
+        assert khronos_issues(tmp_path / name)["messages"] == []
+    if ".usd" in name:
+        assert check_usd(tmp_path / name) == []
+
+
+KILLER = """
+import os, signal, sys, time
+from pathlib import Path
+import numpy as np
+from exporters import encode, export, files_of
+from tests.figure import figure
+assets = [figure(size=128), figure(size=96)]
+random = np.random.default_rng(0)
+for path in map(Path, sys.argv[1:]):
+    whole = [dict(encode(asset, path)) for asset in assets]
+    for moment in random.uniform(0.0, 0.08, 6):
+        child = os.fork()
+        while child == 0:
+            for asset in assets:
+                export(asset, path)
+        time.sleep(moment)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        for file in files_of(path):
+            if file.exists():
+                assert file.read_bytes() in [files[file] for files in whole], f"{file} is torn"
+        assert all(file.exists() for file in files_of(path)) or not path.exists(), f"{path} is alone"
+    assert path.exists(), f"{path} was never written, so nothing was tested"
+    export(assets[0], path)
+    assert sorted(path.parent.iterdir()) == sorted(files_of(path)), "leftovers were not swept"
+"""
+
+
+def test_killed_at_random_moments_no_file_is_torn(tmp_path: Path) -> None:
+    """Every file is one of the two that were being written, whole; leftovers are swept by the next write."""
+    paths = [tmp_path / name.replace(".", "_") / name for name in NAMES]
+    for path in paths:
+        path.parent.mkdir()
+    command = [sys.executable, "-c", KILLER, *map(str, paths)]
+    run = subprocess.run(command, env=outside(), capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
