@@ -106,14 +106,13 @@ for path in map(Path, sys.argv[1:]):
         while child == 0:
             for asset in assets:
                 export(asset, path)
+        while not path.exists():  # the first of them writes at least once
+            time.sleep(0.001)
         time.sleep(moment)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         for file in files_of(path):
-            if file.exists():
-                assert file.read_bytes() in [files[file] for files in whole], f"{file} is torn"
-        assert all(file.exists() for file in files_of(path)) or not path.exists(), f"{path} is alone"
-    assert path.exists(), f"{path} was never written, so nothing was tested"
+            assert file.read_bytes() in [files[file] for files in whole], f"{file} is torn"
     export(assets[0], path)
     assert sorted(path.parent.iterdir()) == sorted(files_of(path)), "leftovers were not swept"
 """
@@ -125,5 +124,5 @@ def test_killed_at_random_moments_no_file_is_torn(tmp_path: Path) -> None:
     for path in paths:
         path.parent.mkdir()
     command = [sys.executable, "-c", KILLER, *map(str, paths)]
-    run = subprocess.run(command, env=outside(), capture_output=True, text=True)
+    run = subprocess.run(command, env=outside(), capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
