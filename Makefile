@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 HAS_NODE := $(shell command -v node >/dev/null 2>&1 && command -v npm >/dev/null 2>&1 && echo yes)
 WITH_NODE := PATH="$(CURDIR)/$(BIN):$$PATH"
 
-.PHONY: export test lint types pytest judges pictures clean distclean
+.PHONY: export test lint types pytest judges pictures film clean distclean
 .DEFAULT_GOAL := export
 
 export: $(VENV)/run.stamp
@@ -59,6 +59,10 @@ $(BLENDER_VENV)/judges.stamp: $(JUDGES)/blender-constraints.txt
 GLB ?= avatar_3.glb
 pictures: $(BLENDER_VENV)/judges.stamp
 	$(BLENDER_VENV)/bin/python $(JUDGES)/blender_render.py $(GLB) out/pictures
+
+# Moments of a file's animations: make film GLB=avatar_3.glb
+film: $(BLENDER_VENV)/judges.stamp
+	$(BLENDER_VENV)/bin/python $(JUDGES)/blender_film.py $(GLB) out/film
 
 clean:
 	rm -rf build dist out *.egg-info .pytest_cache .ruff_cache

@@ -1,5 +1,6 @@
 """The geometry half: from functions of points to a rigged, textured asset. Nothing here knows a network."""
 
+from assets.animate import animate, figure_of
 from assets.asset import Asset, PlainAsset, TexturedAsset
 from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
@@ -14,7 +15,9 @@ __all__ = [
     "PlainAsset",
     "Surface",
     "TexturedAsset",
+    "animate",
     "build",
     "build_content",
     "extract",
+    "figure_of",
 ]

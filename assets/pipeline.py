@@ -19,16 +19,17 @@ from jaxtyping import Float
 
 from assets.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAsset
 from assets.atlas import Atlas, AtlasConfig, unwrap
-from assets.attach import attach
+from assets.attach import Attachment, attach
 from assets.bake import BakeConfig, Texture, bake_texture
 from assets.clean import Cleaning, tidy
 from assets.extract import ExtractConfig, Extraction, trace
 from assets.fit import fit
 from assets.joints import drop_idle_joints
 from assets.measure import SurfaceError, surface_error
+from assets.morph import beta_sliders
 from assets.plan import Content, LeftOut, Plan, make_plan
 from assets.rest import RestMesh, to_rest
-from assets.rig import Skeleton
+from assets.rig import Morph, Skeleton
 from assets.simplify import SimplifyConfig, simplify
 from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
 from assets.surface import Surface, find_defects
@@ -73,6 +74,7 @@ class BuildConfig:
     joints: Literal["all", "moving"] = "all"  # moving: those alone that move a vertex or carry one that does
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
     head_detail: float = 2.0  # texels along a line on the head for one on the body
+    morphs: bool = False  # a slider for each of the body's shape directions
     on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it
 
     def __post_init__(self) -> None:
@@ -91,6 +93,7 @@ class Shape:
     extraction: Extraction
     cleaning: Cleaning
     surface: Surface
+    attachment: Attachment
     skin: Skin
     error: SurfaceError
     rest: RestMesh
@@ -163,6 +166,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: "Clock") -> Sha
         extraction=extraction,
         cleaning=cleaning,
         surface=surface,
+        attachment=attachment,
         skin=skin,
         error=error,
         rest=rest,
@@ -198,8 +202,29 @@ def rig(
             T_world_joint=shape.rest.T_world_joint,
             turns=shape.rest.turns,
         ),
+        morphs=make_morphs(avatar, shape, atlas, config) if config.morphs else (),
     )
     return drop_idle_joints(asset) if config.joints == "moving" else asset
+
+
+def make_morphs(avatar: AvatarFields, shape: Shape, atlas: Atlas, config: BuildConfig) -> tuple[Morph, ...]:
+    """The body's shape directions as sliders of the split mesh."""
+    sliders = beta_sliders(
+        shape.surface,
+        shape.skin,
+        shape.attachment,
+        avatar.body,
+        avatar.betas,
+        find_pose(config.pose, avatar.body),
+    )
+    return tuple(
+        Morph(
+            name=slider.name,
+            vertices=slider.vertices[atlas.vertex_map].astype(np.float32),
+            joints=slider.joints,
+        )
+        for slider in sliders
+    )
 
 
 class Clock:

@@ -7,58 +7,17 @@ outside, uv origin at the texture's top left. Letters: W vertices (seams split),
 without a transform of its own.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import pygltflib as gltf
-from jaxtyping import Float32, Float64, Shaped
-from scipy.spatial.transform import Rotation
+from jaxtyping import Float32, Shaped
 
 from assets.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
+from exporters.binary import Binary
+from exporters.glb_motion import animations, morph_targets, rest_quaternions
 from exporters.png import encode_png
 
 ROUGHNESS = 0.8  # cloth and skin scatter light; nothing on the asset is metal
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])  # quaternion x y z w
-COMPONENT_TYPES = {
-    "uint8": gltf.UNSIGNED_BYTE,
-    "uint16": gltf.UNSIGNED_SHORT,
-    "uint32": gltf.UNSIGNED_INT,
-    "float32": gltf.FLOAT,
-}
-ELEMENT_TYPES = {(): gltf.SCALAR, (2,): gltf.VEC2, (3,): gltf.VEC3, (4,): gltf.VEC4, (4, 4): gltf.MAT4}
-
-
-@dataclass
-class Binary:
-    """The file's one buffer while it grows: every array or picture gets a view, 4-byte aligned."""
-
-    data: bytearray = field(default_factory=bytearray)
-    views: list[gltf.BufferView] = field(default_factory=list)
-    accessors: list[gltf.Accessor] = field(default_factory=list)
-
-    def add_bytes(self, raw: bytes, target: int | None = None) -> int:
-        """Append bytes; returns the index of their buffer view."""
-        self.views.append(
-            gltf.BufferView(buffer=0, byteOffset=len(self.data), byteLength=len(raw), target=target)
-        )
-        self.data += raw + bytes(-len(raw) % 4)
-        return len(self.views) - 1
-
-    def add_array(
-        self, array: Shaped[np.ndarray, "N ..."], target: int | None = None, bounds: bool = False
-    ) -> int:
-        """Append an array; returns its accessor's index. `bounds` stores its least and greatest values."""
-        little_endian = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
-        accessor = gltf.Accessor(
-            bufferView=self.add_bytes(little_endian.tobytes(), target),
-            componentType=COMPONENT_TYPES[array.dtype.name],
-            count=len(array),
-            type=ELEMENT_TYPES[array.shape[1:]],
-        )
-        if bounds:
-            accessor.min, accessor.max = array.min(axis=0).tolist(), array.max(axis=0).tolist()
-        self.accessors.append(accessor)
-        return len(self.accessors) - 1
 
 
 def encode(asset: PlainAsset) -> bytes:
@@ -85,6 +44,8 @@ def describe(asset: PlainAsset, picture_uri: str | None = None) -> tuple[gltf.GL
     )
     if isinstance(asset, Asset):
         add_skeleton(document, asset.skeleton, binary)
+        add_morphs(document.meshes[0], asset, binary)
+        document.animations = animations(asset, binary)
     if isinstance(asset, TexturedAsset):
         add_texture(document)
         if picture_uri is None:
@@ -102,6 +63,21 @@ def add_skeleton(document: gltf.GLTF2, skeleton: Skeleton, binary: Binary) -> No
     document.skins = [joint_skin(skeleton, binary)]
     document.nodes = [*joint_nodes(skeleton), gltf.Node(name="avatar", mesh=0, skin=0)]
     document.scenes[0].nodes = [*np.flatnonzero(skeleton.parents < 0).tolist(), joint_count]
+
+
+def add_morphs(mesh: gltf.Mesh, asset: Asset, binary: Binary) -> None:
+    """Put the sliders at weight 0 and their names where importers look for them.
+
+    No morph target moves a joint: how far the joints ought to move is told beside the names, in metres, for
+    programs that move them.
+    """
+    if asset.morphs:
+        mesh.primitives[0].targets = morph_targets(asset, binary)
+        mesh.weights = [0.0] * len(asset.morphs)
+        mesh.extras = {
+            "targetNames": [morph.name for morph in asset.morphs],
+            "targetJointOffsets": [morph.joints.round(6).tolist() for morph in asset.morphs],
+        }
 
 
 def embedded(png: bytes, binary: Binary) -> gltf.Image:
@@ -161,7 +137,7 @@ def joint_skin(skeleton: Skeleton, binary: Binary) -> gltf.Skin:
 def joint_nodes(skeleton: Skeleton) -> list[gltf.Node]:
     """A node for each joint, named as the body names it, with its rest transform relative to its parent."""
     T_parent_joint = skeleton.T_parent_joint
-    rotations = canonical_quaternions(T_parent_joint)
+    rotations = rest_quaternions(T_parent_joint)
     nodes = []
     for joint, name in enumerate(skeleton.joint_names):
         node = gltf.Node(name=name, translation=T_parent_joint[joint, :3, 3].tolist())
@@ -171,11 +147,6 @@ def joint_nodes(skeleton: Skeleton) -> list[gltf.Node]:
         node.children = children or None
         nodes.append(node)
     return nodes
-
-
-def canonical_quaternions(transforms: Float64[np.ndarray, "J 4 4"]) -> Float64[np.ndarray, "J 4"]:
-    """The rotation of each rigid transform as x y z w with w >= 0."""
-    return Rotation.from_matrix(transforms[:, :3, :3]).as_quat(canonical=True)
 
 
 def material(textured: bool) -> gltf.Material:

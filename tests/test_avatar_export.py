@@ -178,9 +178,34 @@ def test_python_does_what_the_command_does(model: Model) -> None:
     assert Path("python.glb").read_bytes() == Path("command.glb").read_bytes()
 
 
+def test_clips_motion_files_names_and_sliders(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
+    poses = np.zeros((40, 156))
+    poses[:, 0] = np.pi / 2
+    poses[7:9] = np.nan
+    np.savez("take.npz", poses=poses, trans=np.zeros((40, 3)), mocap_framerate=np.array(60.0))
+    moves = ["--clip", "walk", "--clip", "idle", "--motion", "take.npz", "--mirror", "--in-place"]
+    rig = ["--speed", "2", "--names", "unity", "--morphs", "--report", "a.json", "--out", "a.glb"]
+    assert avatar_export.main(["--seed", "3", *moves, *rig, *model.options]) == 0
+
+    err = capsys.readouterr().err.splitlines()
+    assert err[0] == "take: 2 bad frames, filled from their neighbours: 7-8"
+    document = check_file(Path("a.glb"), faces=2000, texture=128)
+    assert khronos_issues(Path("a.glb"))["messages"] == []
+    assert [animation.name for animation in document.animations] == ["walk", "idle", "take"]
+    assert {"Hips", "LeftUpperLeg"} <= {node.name for node in document.nodes}
+    assert document.meshes[0].extras["targetNames"] == [f"beta_{index}" for index in range(10)]
+    told = json.loads(Path("a.json").read_text())["animations"]
+    assert [row["name"] for row in told] == ["walk", "idle", "take"]
+    assert [row["bad_frames"] for row in told] == [[], [], [7, 8]]
+    assert [row["seconds"] for row in told] == [pytest.approx(s, abs=1e-3) for s in (16 / 30, 2.0, 39 / 120)]
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
+        (["--clip", "walk", "--clip", "walk"], "found animations walk, walk; give each once"),
+        (["--format", "stl", "--clip", "walk"], "this format holds no skeleton; leave out --clip"),
+        (["--motion", "noise.npz"], "motion: noise.npz is no whole .npz file"),
         (["--format", "fbx"], "--format: found 'fbx', wanted one of glb"),
         (["--format", "../x"], "--format: found '../x', wanted one of glb"),
         (["--out", "a.fbx"], "found --out a.fbx, wanted a name that ends in one of .glb"),

@@ -74,6 +74,12 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["--seed", "3", "--preview", "missing/a.png"], "cannot write missing/a.png"),
         (["--seed", "3", "--weights", "none.safetensors"], "found no file none.safetensors"),
         (["--seed", "3", "--body", "none.npz"], "found no file none.npz"),
+        (["--seed", "3", "--clip", "fly"], "--clip: invalid choice: 'fly'"),
+        (["--seed", "3", "--names", "maya"], "--names: invalid choice: 'maya'"),
+        (["--seed", "3", "--motion", "none.npz"], "found no file none.npz"),
+        (["--seed", "3", "--fps", "0"], "--fps: found '0', wanted a number above 0, up to 1000"),
+        (["--seed", "3", "--speed", "nan"], "--speed: found 'nan'"),
+        (["--seed", "3", "--speed", "1_0"], "--speed: found '1_0'"),
     ],
 )
 def test_bad_arguments_end_in_one_line(

@@ -245,7 +245,7 @@ def test_public_names():
     assert sorted(assets.__all__) == sorted(
         [
             *("Asset", "BuildConfig", "ExtractConfig", "GeometryError", "PlainAsset", "Surface"),
-            *("TexturedAsset", "build", "build_content", "extract"),
+            *("TexturedAsset", "animate", "build", "build_content", "extract", "figure_of"),
         ]
     )
     assert assets.Asset is Asset

@@ -97,6 +97,27 @@ def blender_verdict(asset: Asset, T_posed_rest: np.ndarray, folder: Path, name: 
         )
 
 
+def blender_motion(
+    path: Path, clips: list[str], seconds: list[float], keys: list[str], weights: np.ndarray
+) -> dict[str, np.ndarray]:
+    """A file as Blender plays it: see blender_motion.py. A moment is a clip's name, a time and weights."""
+    python = PROJECT / ".venv-blender" / "bin" / "python"
+    require(python.exists(), "Blender (bpy in .venv-blender)")
+    asked, found = path.with_suffix(".asked.npz"), path.with_suffix(".found.npz")
+    np.savez(
+        asked,
+        clips=np.array(clips),
+        seconds=np.array(seconds),
+        keys=np.array(keys, dtype=str),
+        weights=weights,
+    )
+    command = [str(python), str(JUDGES / "blender_motion.py"), str(path), str(asked), str(found)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=240)
+    assert found.exists(), run.stdout + run.stderr
+    with np.load(found) as arrays:
+        return dict(arrays)
+
+
 def random_poses(asset: Asset, count: int, angle: float) -> np.ndarray:
     """Posed <- rest transforms [P J 4 4] of poses that turn every joint by up to `angle` radians an axis."""
     generator = np.random.default_rng(0)

@@ -3,6 +3,7 @@
 Only what `--help` and bad arguments need is imported here; `export_run` brings torch and the rest.
 """
 
+import argparse
 import sys
 from argparse import ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from avatargen import __version__
 from avatargen.atomic import check_writable
-from avatargen.commands.line import OneLineParser, run_command, whole_number
+from avatargen.commands.line import OneLineParser, positive_number, run_command, whole_number
 from avatargen.commands.progress import progress_line
 from avatargen.errors import InputError
 
@@ -28,6 +29,7 @@ examples:
   avatar-export --seed 3 --format glb
   avatar-export --seed 3 --out person.glb --report person.json --preview person.png
   avatar-export --seed 3 --out person.usdz
+  avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
 """
 
@@ -89,6 +91,7 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     shape.add_argument(
         "--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a; VRM wants t)"
     )
+    add_rig_options(parser.add_argument_group("the rig"))
     model = parser.add_argument_group("the model")
     model.add_argument(
         "--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones"
@@ -99,6 +102,43 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     model.add_argument("--device", default="cpu", metavar="NAME", help="cpu or cuda (default: cpu)")
     parser.add_argument("--version", action="version", version=f"avatargen {__version__}")
     return parser.parse_args(arguments)
+
+
+def add_rig_options(group: argparse._ArgumentGroup) -> None:
+    """Names, sliders and animations."""
+    add = group.add_argument
+    add(
+        "--names",
+        choices=("smpl", "mixamo", "unity", "unreal"),
+        default="smpl",
+        help="whose names the joints get (default: smpl)",
+    )
+    add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
+    add(
+        "--clip",
+        action="append",
+        choices=("idle", "walk", "wave", "range"),
+        default=[],
+        help="add a built-in animation; may be repeated",
+    )
+    add(
+        "--motion",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FILE.npz",
+        help="add an animation from an AMASS-style file; may be repeated",
+    )
+    add("--fps", type=positive_number(1000.0), default=30.0, metavar="N", help="frames a second (30)")
+    add(
+        "--speed",
+        type=positive_number(100.0),
+        default=1.0,
+        metavar="X",
+        help="how fast to play (1)",
+    )
+    add("--mirror", action="store_true", help="swap left and right in the animations")
+    add("--in-place", action="store_true", help="keep the animations over one spot")
 
 
 def export_avatar(given: Namespace) -> None:
@@ -113,7 +153,7 @@ def export_avatar(given: Namespace) -> None:
     for output in (path, given.report, given.preview):
         if output is not None:
             check_writable(output)
-    for source in (given.weights, given.body):
+    for source in (given.weights, given.body, *given.motion):
         if source is not None and not source.is_file():
             raise InputError(f"found no file {source}; check the path")
     with progress_line() as show:

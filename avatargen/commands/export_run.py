@@ -13,21 +13,32 @@ from pathlib import Path
 import torch
 
 import avatargen
-from assets import BuildConfig, PlainAsset, build_content
+from assets import Asset, BuildConfig, PlainAsset, animate, build_content
 from assets.asset import Report
+from assets.names import rename_joints
 from assets.preview import render
 from avatargen.atomic import check_writable, write_together
-from avatargen.avatar import Avatar
+from avatargen.avatar import AvatarSampler
 from avatargen.body.pose import load_pose
+from avatargen.commands.motions import finish_motions, load_motions, motion_facts, tell_of_bad_frames
 from avatargen.commands.progress import Show
 from avatargen.errors import InputError
+from avatargen.motion.motion import Motion
 from exporters import Format, encode, files_of, find_format
 from exporters.png import encode_png
 
 STARTED = time.perf_counter()
 NAMED_POSES = ("x", "t", "a")
 # of the work, that lies behind when a stage begins
-SHARES = {"load": 0.15, "sample": 0.2, "build": 0.25, "encode": 0.95, "preview": 0.97, "write": 0.99}
+SHARES = {
+    "load": 0.15,
+    "sample": 0.2,
+    "build": 0.25,
+    "animate": 0.94,
+    "encode": 0.95,
+    "preview": 0.97,
+    "write": 0.99,
+}
 
 
 @dataclass
@@ -46,11 +57,31 @@ class Clock:
 
     def show_build(self, stage: str, share: float | int) -> None:
         """Progress inside the build, as progress of the whole."""
-        self.show(stage, SHARES["build"] + share * (SHARES["encode"] - SHARES["build"]))
+        self.show(stage, SHARES["build"] + share * (SHARES["animate"] - SHARES["build"]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workshop:
+    """What many avatars share: settings, weights and motion files, loaded once."""
+
+    given: Namespace
+    settings: BuildConfig
+    generator: AvatarSampler
+    motions: tuple[Motion, ...]  # of files
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """One avatar, ready to be encoded."""
+
+    asset: PlainAsset
+    report: Report
+    settings: BuildConfig
+    motions: tuple[Motion, ...]
 
 
 def run(given: Namespace, path: Path, show: Show) -> str:
-    """Make the asset and write it, its report and its preview; returns the closing line.
+    """Make the asset and write it, its report and its preview; returns the closing lines.
 
     Raises:
         AvatarGenError: an argument, file or field is bad; then nothing is written.
@@ -58,41 +89,64 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     for beside in files_of(path)[1:]:
         check_writable(beside)
     wanted = find_format(path)
-    settings = build_settings(given, wanted)
-    require_device(given.device)
     clock = Clock(show, {"import": process_seconds()})
     with clock.stage("load"):
-        generator = avatargen.load_generator(given.weights, body=given.body, device=given.device)
-    with clock.stage("sample"):
-        avatar = generator.sample(given.seed)
-    config = with_pose(settings, given.pose, avatar)
-    asset, report = build_reported(avatar, config, clock)
+        workshop = open_workshop(given, wanted)
+    made = make_avatar(workshop, given.seed, clock)
     with clock.stage("encode"):
-        files = encode(asset, path)
+        files = encode(made.asset, path)
     size = sum(len(data) for _, data in files)
     if given.preview is not None:
         with clock.stage("preview"):
-            files.append((given.preview, encode_png(render(asset))))
+            files.append((given.preview, encode_png(render(made.asset))))
     show("write", SHARES["write"])
     total = process_seconds()
     if given.report is not None:
         seconds = clock.seconds | {"total": total}
-        facts = make_report(given, path, asset, report, config, size, seconds)
+        facts = make_report(given, path, made, size, seconds)
         files.append((given.report, json.dumps(facts, indent=2).encode() + b"\n"))
     write_together(files)
-    return (
-        f"{path}: {size / 1e6:.1f} MB, {len(asset.faces):,} faces, {total:.1f} s, "
-        f"error {report.error.mean_mm:.3f} mm mean, {report.error.p99_mm:.2f} mm p99"
+    error = made.report.error
+    closing = (
+        f"{path}: {size / 1e6:.1f} MB, {len(made.asset.faces):,} faces, {total:.1f} s, "
+        f"error {error.mean_mm:.3f} mm mean, {error.p99_mm:.2f} mm p99"
         + (f", in the {wanted.rest_pose.upper()}-pose that {path.suffix} wants" if wanted.rest_pose else "")
     )
+    return "\n".join([*tell_of_bad_frames(made.motions), closing])
 
 
-def build_reported(avatar: Avatar, config: BuildConfig, clock: Clock) -> tuple[PlainAsset, Report]:
-    """The asset, and the report that its building leaves in it."""
-    asset = build_content(avatar, config, progress=clock.show_build)
-    assert asset.report is not None  # only assets that were not built have none
-    clock.seconds.update(asset.report.seconds)
-    return asset, asset.report
+def open_workshop(given: Namespace, wanted: Format) -> Workshop:
+    """Check and load everything that does not depend on the seed.
+
+    Raises:
+        AvatarGenError: an argument or file is bad, or the format cannot hold what was asked for.
+    """
+    settings = build_settings(given, wanted)
+    require_device(given.device)
+    motions = load_motions(given)
+    generator = avatargen.load_generator(given.weights, body=given.body, device=given.device)
+    settings = with_pose(settings, given.pose, len(generator.body.parents))
+    return Workshop(given=given, settings=settings, generator=generator, motions=motions)
+
+
+def make_avatar(workshop: Workshop, seed: int, clock: Clock) -> Made:
+    """One person, built, and animated and named where it has a skeleton.
+
+    Raises:
+        AvatarGenError: the seed's field is bad, or the body lacks what the options ask for.
+    """
+    given, settings = workshop.given, workshop.settings
+    with clock.stage("sample"):
+        avatar = workshop.generator.sample(seed)
+    asset, motions = build_content(avatar, settings, progress=clock.show_build), ()
+    report = asset.report
+    assert report is not None  # only assets that were not built have none
+    clock.seconds.update(report.seconds)
+    if isinstance(asset, Asset):
+        with clock.stage("animate"):
+            motions = finish_motions(given, workshop.motions, asset)
+            asset = rename_joints(animate(asset, motions, settings.on_ground), given.names)
+    return Made(asset=asset, report=report, settings=settings, motions=motions)
 
 
 def require_device(name: str) -> None:
@@ -121,27 +175,32 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
         )
     options["pose"] = wanted.rest_pose or named
     options["content"] = wanted.content
+    options["morphs"] = given.morphs
+    if wanted.content != "rigged" and (given.clip or given.motion or given.morphs or given.names != "smpl"):
+        raise InputError(
+            "found options of the rig, but this format holds no skeleton; leave out --clip, --motion, "
+            "--morphs and --names, or choose glb, vrm or usdz"
+        )
     return BuildConfig(**{name: value for name, value in options.items() if value is not None})
 
 
-def with_pose(config: BuildConfig, pose: str | None, avatar: Avatar) -> BuildConfig:
+def with_pose(config: BuildConfig, pose: str | None, joint_count: int) -> BuildConfig:
     """The settings with the pose file's rotations, where --pose names a file."""
     if pose is None or pose.lower() in NAMED_POSES:
         return config
-    return dataclasses.replace(config, pose=load_pose(pose, len(avatar.body.parents)))
+    return dataclasses.replace(config, pose=load_pose(pose, joint_count))
 
 
 def make_report(
     given: Namespace,
     path: Path,
-    asset: PlainAsset,
-    report: Report,
-    config: BuildConfig,
+    made: Made,
     size: int,
     seconds: dict[str, float],
 ) -> dict[str, object]:
     """What was made, how long it took and how far the mesh is from the field, for scripts to read."""
-    error, pose = report.error, config.pose
+    asset, config = made.asset, made.settings
+    error, pose = made.report.error, config.pose
     return {
         "seed": given.seed,
         "path": str(path),
@@ -154,7 +213,8 @@ def make_report(
         "bytes": size,
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm, "max": error.max_mm},
-        "left_out": [{"what": item.what, "why": item.why} for item in report.left_out],
+        "left_out": [{"what": item.what, "why": item.why} for item in made.report.left_out],
+        "animations": [motion_facts(motion) for motion in made.motions],
         "settings": {
             "resolution": config.resolution,
             "faces": config.faces,

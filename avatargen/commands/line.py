@@ -59,6 +59,21 @@ def complain(program: str, message: str, status: int) -> int:
     return status
 
 
+def positive_number(most: float) -> Callable[[str], float]:
+    """An argument type: a number above 0, up to `most`."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text) if text.isascii() and "_" not in text else -1.0
+        except ValueError:
+            value = -1.0
+        if not 0 < value <= most:  # also catches NaN
+            raise argparse.ArgumentTypeError(f"found {text!r}, wanted a number above 0, up to {most:g}")
+        return value
+
+    return parse
+
+
 def whole_number(low: int, high: int) -> Callable[[str], int]:
     """An argument type: plain decimal digits within a range."""
 

@@ -11,6 +11,7 @@ import numpy as np
 
 BLENDER_FROM_GLTF = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
 GLTF_FROM_BLENDER = BLENDER_FROM_GLTF.T
+FPS = 30  # frames of a scene to a second of a clip
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ def import_rigged(path: str) -> Imported:
 def import_file(path: str) -> None:
     """Empty the scene and import the file with Blender's importer for its suffix."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = FPS
     suffix = path.rsplit(".", 1)[1].lower()
     if suffix.startswith("usd"):
         bpy.ops.wm.usd_import(filepath=path)
@@ -65,6 +67,24 @@ def pose_bones(imported: Imported, T_posed_rest: dict[str, np.ndarray]) -> None:
         moved = BLENDER_FROM_GLTF @ T_posed_rest[name] @ GLTF_FROM_BLENDER @ rest[name]
         imported.armature.pose.bones[name].matrix = Matrix((to_armature @ moved).tolist())
         bpy.context.view_layer.update()
+
+
+def play(imported: Imported, clip: str, seconds: float) -> None:
+    """Put the scene at a moment of an imported animation."""
+    motion = imported.armature.animation_data
+    motion.action = bpy.data.actions[clip]
+    motion.action_slot = motion.action.slots[0]
+    frame = seconds * FPS
+    bpy.context.scene.frame_set(int(frame), subframe=frame - int(frame))
+
+
+def set_shape_keys(imported: Imported, weights: dict[str, float]) -> None:
+    """Move the sliders of a morphed mesh."""
+    for name, weight in weights.items():
+        key = imported.mesh.data.shape_keys.key_blocks[name]
+        key.slider_min, key.slider_max = min(key.slider_min, weight), max(key.slider_max, weight)
+        key.value = weight
+    bpy.context.view_layer.update()
 
 
 def deformed_vertices(imported: Imported) -> np.ndarray:

@@ -1,0 +1,49 @@
+"""glTF's one buffer while it grows: arrays and pictures become views and accessors."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pygltflib as gltf
+from jaxtyping import Shaped
+
+COMPONENT_TYPES = {
+    "uint8": gltf.UNSIGNED_BYTE,
+    "uint16": gltf.UNSIGNED_SHORT,
+    "uint32": gltf.UNSIGNED_INT,
+    "float32": gltf.FLOAT,
+}
+ELEMENT_TYPES = {(): gltf.SCALAR, (2,): gltf.VEC2, (3,): gltf.VEC3, (4,): gltf.VEC4, (4, 4): gltf.MAT4}
+
+
+@dataclass
+class Binary:
+    """The file's one buffer while it grows: every array or picture gets a view, 4-byte aligned."""
+
+    data: bytearray = field(default_factory=bytearray)
+    views: list[gltf.BufferView] = field(default_factory=list)
+    accessors: list[gltf.Accessor] = field(default_factory=list)
+
+    def add_bytes(self, raw: bytes, target: int | None = None) -> int:
+        """Append bytes; returns the index of their buffer view."""
+        self.views.append(
+            gltf.BufferView(buffer=0, byteOffset=len(self.data), byteLength=len(raw), target=target)
+        )
+        self.data += raw + bytes(-len(raw) % 4)
+        return len(self.views) - 1
+
+    def add_array(
+        self, array: Shaped[np.ndarray, "N ..."], target: int | None = None, bounds: bool = False
+    ) -> int:
+        """Append an array; returns its accessor's index. `bounds` stores its least and greatest values."""
+        little_endian = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        accessor = gltf.Accessor(
+            bufferView=self.add_bytes(little_endian.tobytes(), target),
+            componentType=COMPONENT_TYPES[array.dtype.name],
+            count=len(array),
+            type=ELEMENT_TYPES[array.shape[1:]],
+        )
+        if bounds:
+            columns = array.reshape(len(array), -1)  # bounds are lists, of a single number too
+            accessor.min, accessor.max = columns.min(axis=0).tolist(), columns.max(axis=0).tolist()
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1

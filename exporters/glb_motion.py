@@ -1,0 +1,88 @@
+"""Animations and morph targets of an asset as glTF has them.
+
+A joint's channel turns its node, the root's also moves it. Joints that no animation moves have no channel,
+and frames within a run that stands still are left out: between two equal keys every viewer stays where it is.
+"""
+
+import numpy as np
+import pygltflib as gltf
+from jaxtyping import Bool, Float32, Float64
+from scipy.spatial.transform import Rotation
+
+from assets.asset import Asset
+from assets.rig import Animation
+from exporters.binary import Binary
+
+STILL = 1e-6  # of a quaternion's or place's numbers: below it nothing moves
+
+
+def animations(asset: Asset, binary: Binary) -> list[gltf.Animation]:
+    """One glTF animation each, keys joined by straight lines (glTF turns along the shorter way)."""
+    moved, turned = moving_parts(asset)
+    return [encode_animation(animation, moved, turned, binary) for animation in asset.animations]
+
+
+def moving_parts(asset: Asset) -> tuple[bool, list[int]]:
+    """Whether the root leaves its place, and the joints that leave their rest turn, in any animation.
+
+    All animations have channels for all of them: a viewer that changes from one to the next then leaves no
+    joint where the last one had it.
+    """
+    rest = asset.skeleton.T_parent_joint
+    quaternions = rest_quaternions(rest)
+    turned = [
+        joint
+        for joint in range(len(rest))
+        if not all(stays(each.rotations[:, joint], quaternions[joint]) for each in asset.animations)
+    ]
+    moved = not all(stays(each.root, rest[0, :3, 3]) for each in asset.animations)
+    return moved or not turned, turned  # glTF wants a channel at least
+
+
+def encode_animation(animation: Animation, moved: bool, turned: list[int], binary: Binary) -> gltf.Animation:
+    """A channel for the root's way where `moved`, and one for each joint in `turned`."""
+    channels = [("rotation", joint, animation.rotations[:, joint]) for joint in turned]
+    if moved:
+        channels.insert(0, ("translation", 0, animation.root))
+    encoded = gltf.Animation(name=animation.name)
+    clock: dict[bytes, int] = {}  # channels with the same times share them
+    for path, node, wide in channels:
+        values = wide.astype(np.float32)
+        kept = keys(values)
+        times = animation.times[kept].astype(np.float32)
+        if times.tobytes() not in clock:
+            clock[times.tobytes()] = binary.add_array(times, bounds=True)
+        sampler = gltf.AnimationSampler(
+            input=clock[times.tobytes()], output=binary.add_array(values[kept]), interpolation="LINEAR"
+        )
+        target = gltf.AnimationChannelTarget(node=node, path=path)
+        encoded.channels.append(gltf.AnimationChannel(sampler=len(encoded.samplers), target=target))
+        encoded.samplers.append(sampler)
+    return encoded
+
+
+def stays(values: Float64[np.ndarray, "T C"], at_rest: Float64[np.ndarray, " C"]) -> bool:
+    """The channel never leaves what its node has at rest; a quaternion and its opposite turn alike."""
+    same = np.abs(values - at_rest).max() <= STILL
+    return bool(same or (len(at_rest) == 4 and np.abs(values + at_rest).max() <= STILL))
+
+
+def keys(values: Float32[np.ndarray, "T C"]) -> Bool[np.ndarray, " T"]:
+    """Frames that are needed: all but those within a run of equal values; at least the first."""
+    kept = np.ones(len(values), dtype=bool)
+    same = (values[1:] == values[:-1]).all(axis=1)
+    kept[1:-1] = ~(same[1:] & same[:-1])
+    return kept
+
+
+def rest_quaternions(rest: Float64[np.ndarray, "J 4 4"]) -> Float64[np.ndarray, "J 4"]:
+    """The rotation of each rigid transform as x y z w with w >= 0."""
+    return Rotation.from_matrix(rest[:, :3, :3]).as_quat(canonical=True)
+
+
+def morph_targets(asset: Asset, binary: Binary) -> list[gltf.Attributes]:
+    """What each slider adds to the positions; viewers keep the normals of the unmorphed mesh."""
+    return [
+        gltf.Attributes(POSITION=binary.add_array(morph.vertices, gltf.ARRAY_BUFFER, bounds=True))
+        for morph in asset.morphs
+    ]
