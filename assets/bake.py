@@ -21,6 +21,7 @@ from avatargen.errors import InputError
 
 # texels from a covered texel's centre to the farthest one that bilinear filtering mixes in
 FILTER_REACH = 1.5
+MOST_TEXELS = 1 << 21  # whose places and colours are held at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +70,13 @@ def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfi
     nearest = (nearest[0] * size + nearest[1]).reshape(-1)
     face = face.reshape(-1)[nearest]
     asked = np.flatnonzero(distance.reshape(-1) <= FILTER_REACH)
-    colors = np.zeros((size * size, 3))
-    for offset in sample_offsets(config.samples):
-        points = texel_points(surface, triangles, face[asked], asked, size, offset)
-        colors[asked] += ask(color, points, 3)
-    texels = np.rint(255 * np.clip(colors / config.samples**2, 0, 1)).astype(np.uint8)
+    texels = np.zeros((size * size, 3), dtype=np.uint8)
+    for chunk in np.array_split(asked, len(asked) // MOST_TEXELS + 1):
+        colors = np.zeros((len(chunk), 3))
+        for offset in sample_offsets(config.samples):
+            points = texel_points(surface, triangles, face[chunk], chunk, size, offset)
+            colors += ask(color, points, 3)
+        texels[chunk] = np.rint(255 * np.clip(colors / config.samples**2, 0, 1))
     beyond = np.flatnonzero(distance.reshape(-1) > FILTER_REACH)
     texels[beyond] = texels[nearest[beyond]]
     return Texture(texels=texels.reshape(size, size, 3), coverage=float(covered.mean()))

@@ -61,6 +61,11 @@ COMMANDS = (
         summary="error against run time, beside the usual recipe: tables and a plot",
         function="avatargen.commands.bench.run:main",
     ),
+    Command(
+        words=("stress",),
+        summary="stiff and extreme cases: what had to happen and what did",
+        function="avatargen.commands.stress.run:main",
+    ),
 )
 
 
