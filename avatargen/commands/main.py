@@ -52,6 +52,21 @@ COMMANDS = (
         function="avatargen.commands.render:main",
     ),
     Command(
+        words=("train",),
+        summary="learn people from pictures, adversarially; the same command resumes",
+        function="avatargen.commands.train:main",
+    ),
+    Command(
+        words=("eval", "ablations"),
+        summary="train and measure every choice of the paper's Table 2",
+        function="avatargen.commands.ablations:main",
+    ),
+    Command(
+        words=("eval",),
+        summary="measure a generator against held-out pictures: Frechet distance, depth, pose, warp",
+        function="avatargen.commands.evaluate:main",
+    ),
+    Command(
         words=("survey",),
         summary="build many seeds: table of errors, contact sheet, files",
         function="avatargen.commands.survey:main",

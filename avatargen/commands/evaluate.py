@@ -1,0 +1,70 @@
+"""avatargen eval: how good a generator's people are, beside real pictures that it has not seen.
+
+    avatargen eval --weights runs/first/generator.safetensors --data data/held_out --reference data/train \\
+        --out runs/first/eval.json
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from avatargen.commands.line import run_command
+from avatargen.metrics.evaluate import EvalConfig
+
+PROGRAM = "avatargen eval"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Frechet distance, Depth, Pose and Warp of a generator; prints a table and writes it as JSON."""
+
+    weights: Path
+    """The generator."""
+    data: Path
+    """Held-out pictures with dataset.json."""
+    reference: Path
+    """Other real pictures, for the joint estimator and for what real pictures reach."""
+    out: Path
+    """Where to write, .json."""
+    inception: Path | None = None
+    """Inception as a TorchScript file; then the distance is the FID."""
+    measure: EvalConfig = field(default_factory=EvalConfig)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    import tyro
+
+    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
+    return run_command(PROGRAM, lambda: run(options))
+
+
+def run(options: Options) -> None:
+    """Load, measure, print, write."""
+    from avatargen.atomic import check_writable, write_atomically
+    from avatargen.avatar import shipped
+    from avatargen.body.load import load_body
+    from avatargen.data.dataset import open_pictures
+    from avatargen.generator.checkpoint import load_checkpoint
+    from avatargen.generator.picture import CanonicalSurface
+    from avatargen.metrics.evaluate import evaluate
+    from avatargen.metrics.features import load_inception, random_features
+
+    check_writable(options.out)
+    checkpoint = load_checkpoint(options.weights)
+    size = checkpoint.generator.config.render.image_size
+    features = ("frechet distance", random_features)
+    if options.inception is not None:
+        features = ("FID", load_inception(options.inception))
+    report = evaluate(
+        checkpoint.generator,
+        CanonicalSurface(load_body(shipped("body.npz"))),
+        open_pictures(options.data, size),
+        open_pictures(options.reference, size),
+        features,
+        options.measure,
+    )
+    facts = {"weights": str(options.weights), "weights_hash": checkpoint.weights_hash, **report.facts()}
+    write_atomically(options.out, json.dumps(facts, indent=1).encode() + b"\n")
+    print(report.table())
+    print(options.out)

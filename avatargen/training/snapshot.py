@@ -1,0 +1,64 @@
+"""What a training run shows on the way: a grid of pictures, and curves where TensorBoard is."""
+
+import importlib.util
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+from PIL import Image
+from torch import Tensor
+
+from avatargen.atomic import write_atomically
+from avatargen.data.dataset import Pictures
+from avatargen.generator.camera import camera_of_vector
+from avatargen.generator.generator import AvatarGenerator
+from avatargen.generator.picture import CanonicalSurface, take_picture
+
+PEOPLE, LABELS = 4, 6  # rows and columns
+
+
+@torch.no_grad()
+def picture_grid(
+    generator: AvatarGenerator, surface: CanonicalSurface, pictures: Pictures, path: Path
+) -> None:
+    """A row a person, always the same ones, each column in the camera, pose and shape of one picture."""
+    random = torch.Generator().manual_seed(0)
+    z = torch.randn(PEOPLE, generator.config.mapping.z_size, generator=random)
+    device = generator.density.p.device
+    chosen = torch.randint(len(pictures), (LABELS,), generator=random)
+    camera, pose, betas = (part.to(device) for part in pictures.row(chosen))
+    rows = [
+        take_picture(
+            generator, surface, one.expand(LABELS, -1).to(device), camera_of_vector(camera), pose, betas
+        ).image
+        for one in z
+    ]
+    path.parent.mkdir(exist_ok=True)
+    stream = io.BytesIO()
+    Image.fromarray(np.concatenate([side_by_side(row) for row in rows])).save(stream, format="png")
+    write_atomically(path, stream.getvalue())
+
+
+def side_by_side(images: Tensor) -> UInt8[np.ndarray, "S W 3"]:
+    """[N 3 S S] in 0..1 as one row of pixels."""
+    pixels = (images.clamp(0, 1) * 255).round().byte().cpu().permute(2, 0, 3, 1)
+    return pixels.flatten(1, 2).numpy()
+
+
+def tensorboard(out: Path, images: int) -> Callable[[dict[str, float | int]], None] | None:
+    """A function that adds a line of the log to the curves; none where TensorBoard is not installed."""
+    if importlib.util.find_spec("tensorboard") is None:
+        return None
+    from torch.utils.tensorboard import SummaryWriter
+
+    writer = SummaryWriter(str(out / "tensorboard"), purge_step=images)
+
+    def add(line: dict[str, float | int]) -> None:
+        for name, value in line.items():
+            writer.add_scalar(name, value, int(line["images"]))
+        writer.flush()
+
+    return add

@@ -1,0 +1,258 @@
+"""Adversarial training: it learns, stops, resumes, divides and refuses as promised."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from avatargen.commands.main import main
+from avatargen.data.dataset import Pictures, open_pictures
+from avatargen.errors import TrainingError
+from avatargen.generator.checkpoint import load_checkpoint
+from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig
+from avatargen.generator.picture import CanonicalSurface
+from avatargen.training.adversarial import (
+    Run,
+    blur,
+    draw_batch,
+    generate,
+    generator_config,
+    snapshot_is_due,
+    step_once,
+    train,
+    update_average,
+)
+from avatargen.training.adversarial_config import AdversarialConfig, VarietyConfig
+from avatargen.training.adversarial_state import State, new_state
+from tests.small_run import BODY, CONFIG, GREEN, SIZE, accelerator, make_data, small_run
+
+WHOLE = slice(0, CONFIG.batch)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Small operations are fastest so; and numbers are compared with those of processes that have one."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("adversarial")
+    make_data(folder / "data")
+    return folder
+
+
+@pytest.fixture
+def pictures(folder: Path) -> Pictures:
+    return open_pictures(folder / "data", SIZE)
+
+
+def fresh(config: AdversarialConfig, pictures: Pictures) -> tuple[State, Run]:
+    networks = generator_config(config, BODY, None)
+    state = new_state(config, networks, pictures.labels.rows().shape[1], torch.device("cpu"))
+    return state, Run(config=config, surface=CanonicalSurface(BODY), accelerator=accelerator())
+
+
+def run_steps(
+    config: AdversarialConfig, pictures: Pictures, count: int
+) -> tuple[State, list[dict[str, float]]]:
+    state, run = fresh(config, pictures)
+    lines = []
+    for step in range(count):
+        batch = draw_batch(pictures, config, state.generator.config, step, WHOLE)
+        lines.append(step_once(state, run, batch, step))
+    return state, lines
+
+
+def greenness(state: State, run: Run, pictures: Pictures) -> float:
+    """How far green stands out of the colour of generated people."""
+    with torch.no_grad():
+        batch = draw_batch(pictures, CONFIG, state.generator.config, 10**6, WHOLE)
+        _, seen = generate(state.generator, run.surface, batch)
+    red, green, blue = seen.raw.permute(0, 2, 3, 1)[seen.mask > 0.5].mean(dim=0)
+    return float(green - (red + blue) / 2)
+
+
+def test_people_take_the_colour_of_the_pictures(pictures: Pictures):
+    """Nothing but the discriminator tells the generator that people are green."""
+    config = replace(CONFIG, variety=VarietyConfig(blur=0.0))
+    state, run = fresh(config, pictures)
+    before = greenness(state, run, pictures)
+    for step in range(40):
+        step_once(state, run, draw_batch(pictures, config, state.generator.config, step, WHOLE), step)
+    assert greenness(state, run, pictures) > before + 0.1
+    assert GREEN[1] - (GREEN[0] + GREEN[2]) / 2 > 0.4  # what it is on its way to
+
+
+def test_a_killed_run_continues_with_the_same_numbers(folder: Path):
+    """kill -9 between snapshots, and again; then the same log and weights as never stopped."""
+    out = folder / "killed"
+    lines = out / "log.jsonl"
+    small_run(folder / "data", folder / "whole")
+    for wanted in (3, 5):  # lines: snapshots are after 2, 4, 6
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tests.small_run", str(folder), "12", "0.5", str(out)]
+        )
+        while process.poll() is None and not (lines.exists() and lines.read_bytes().count(b"\n") >= wanted):
+            time.sleep(0.05)
+        os.kill(process.pid, signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+    lines.write_bytes(
+        lines.read_bytes() + b'{"images": 999, "gen'
+    )  # as a kill in the middle of a line leaves it
+    small_run(folder / "data", out)
+
+    assert lines.read_text() == (folder / "whole" / "log.jsonl").read_text()
+    a, b = (load_checkpoint(folder / name / "generator.safetensors") for name in ("whole", "killed"))
+    assert a.weights_hash == b.weights_hash
+    assert [json.loads(line)["images"] for line in lines.read_text().splitlines()] == list(range(2, 13, 2))
+
+
+def test_two_processes_step_as_one_does(folder: Path):
+    """Both networks after two steps, R1 and geometry losses among them."""
+    small_run(folder / "data", folder / "one", replace(CONFIG, images=4))
+    two = folder / "two"
+    environment = os.environ | {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": "29641", "WORLD_SIZE": "2"}
+    environment |= {"ACCELERATE_USE_CPU": "true", "GLOO_SOCKET_IFNAME": "lo"}
+    command = [sys.executable, "-m", "tests.small_run", str(folder), "4", "0", str(two)]
+    processes = [
+        subprocess.Popen(command, env=environment | {"RANK": str(rank), "LOCAL_RANK": str(rank)})
+        for rank in range(2)
+    ]
+    assert [process.wait(timeout=120) for process in processes] == [0, 0]
+    states = [torch.load(folder / name / "state.pt", weights_only=True) for name in ("one", "two")]
+    for part in ("generator", "discriminator"):
+        a, b = (state[part] for state in states)
+        assert max(float((a[name] - b[name]).abs().max()) for name in a) < 2e-4, part
+    moments = [state["generator_optimizer"]["state"][0]["exp_avg"] for state in states]
+    assert (moments[0] - moments[1]).abs().max() < 1e-3 * moments[0].abs().max()
+
+
+def test_a_process_draws_its_part_of_the_same_batch(pictures: Pictures):
+    config = replace(CONFIG, variety=VarietyConfig(style_mixing=0.5))
+    networks = generator_config(config, BODY, None)
+    whole = draw_batch(pictures, config, networks, 7, WHOLE)
+    parts = [draw_batch(pictures, config, networks, 7, slice(i, i + 1)) for i in (0, 1)]
+    for name in ("real", "real_label", "z", "mapped_camera", "pose"):
+        assert torch.equal(getattr(whole, name), torch.cat([getattr(part, name) for part in parts]))
+    drawn = [torch.rand(3, generator=draw) for part in parts for draw in part.draws]
+    assert torch.equal(torch.stack(drawn), torch.stack([torch.rand(3, generator=d) for d in whole.draws]))
+    assert not torch.equal(draw_batch(pictures, config, networks, 8, WHOLE).z, whole.z)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [(name, value) for name, choices in GEOMETRY_CHOICES.items() for value in choices]
+)
+def test_every_choice_of_table_2_trains(pictures: Pictures, name: str, value: str):
+    geometry = GeometryConfig(**{name: value, **({"distance": "raw"} if value == "none" else {})})
+    state, lines = run_steps(replace(CONFIG, geometry=geometry), pictures, 1)
+    assert all(torch.isfinite(torch.tensor(list(line.values()))).all() for line in lines)
+    assert (lines[0]["eikonal"] == 0) == (value == "density")
+    start = fresh(replace(CONFIG, geometry=geometry), pictures)[0]
+    moved = state.generator.decoder.residual.weight - start.generator.decoder.residual.weight
+    assert moved.abs().max() > 0
+
+
+def test_gradients_that_explode_or_are_none_stop_the_run_and_keep_the_checkpoint(folder: Path):
+    out = folder / "exploding"
+    small_run(folder / "data", out, replace(CONFIG, images=4))
+    kept = {name: (out / name).read_bytes() for name in ("state.pt", "generator.safetensors")}
+    content = torch.load(out / "state.pt", weights_only=True)
+    content["generator"]["decoder.residual.weight"].fill_(float("nan"))
+    torch.save(content, out / "state.pt")
+    with pytest.raises(TrainingError, match="gradient has norm nan"):
+        small_run(folder / "data", out, replace(CONFIG, images=8))
+    assert (out / "generator.safetensors").read_bytes() == kept["generator.safetensors"]
+
+    (out / "state.pt").write_bytes(kept["state.pt"])
+    tight = replace(CONFIG, images=8, optimizer=replace(CONFIG.optimizer, largest_gradient=1e-9))
+    (out / "config.json").unlink()
+    with pytest.raises(TrainingError, match="lower the learning rates"):
+        small_run(folder / "data", out, tight)
+    assert (out / "state.pt").read_bytes() == kept["state.pt"]
+
+
+def test_a_folder_keeps_one_run(folder: Path):
+    out = folder / "mine"
+    small_run(folder / "data", out, replace(CONFIG, images=2))
+    with pytest.raises(TrainingError, match="another training"):
+        small_run(folder / "data", out, replace(CONFIG, seed=1))
+    small_run(folder / "data", out, replace(CONFIG, images=4))  # longer is the same run
+    (out / "state.pt").write_bytes(b"damaged")
+    with pytest.raises(TrainingError, match="cannot be continued"):
+        small_run(folder / "data", out, replace(CONFIG, images=4))
+
+
+def test_weights_to_start_from_must_fit(folder: Path, pictures: Pictures):
+    start = load_checkpoint(folder / "whole" / "generator.safetensors")
+    state = new_state(CONFIG, start.generator.config, 107, torch.device("cpu"), start.generator.state_dict())
+    assert torch.equal(state.generator.decoder.residual.weight, start.generator.decoder.residual.weight)
+    larger = replace(CONFIG, render=replace(CONFIG.render, image_size=32))
+    with pytest.raises(TrainingError, match="other networks"):
+        train(larger, pictures, BODY, folder / "unfit", accelerator(), [].append, start)
+
+
+def test_the_average_halves_its_distance_in_a_half_life(pictures: Pictures):
+    config = replace(CONFIG, optimizer=replace(CONFIG.optimizer, half_life=200))
+    state, _ = fresh(config, pictures)
+    with torch.no_grad():
+        state.generator.density.p.fill_(1.0)
+        state.average.density.p.fill_(0.0)
+    state.images = 10**9  # far behind the ramp
+    for _ in range(200 // config.batch):
+        update_average(state, config)
+    assert float(state.average.density.p) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_blur_keeps_flat_pictures_and_the_mean_and_spreads_a_dot():
+    flat = torch.full((1, 3, 32, 32), 0.3)
+    assert torch.allclose(blur(flat, 2.0), flat, atol=1e-6)
+    dot = torch.zeros(1, 3, 33, 33)
+    dot[:, :, 16, 16] = 1
+    spread = blur(dot, 2.0)[0, 0]
+    place = torch.arange(33.0) - 16
+    assert float(spread.sum()) == pytest.approx(1, abs=1e-5)
+    assert float((spread.sum(dim=0) * place**2).sum()) == pytest.approx(4.0, rel=0.03)  # variance is sigma^2
+    assert torch.equal(blur(dot, 0.0), dot)
+
+
+def test_mixed_styles_take_coarse_planes_from_one_and_fine_ones_from_the_other(pictures: Pictures):
+    generator = fresh(CONFIG, pictures)[0].generator
+    w, other = torch.randn(2, 1, 32, generator=torch.Generator().manual_seed(0))
+    mixed = [generator.synthesis(w, other, crossover) for crossover in (0, 1, 2, 3)]
+    assert torch.equal(mixed[3], generator.synthesis(w))  # beyond the last block
+    assert not torch.allclose(mixed[1], mixed[2]) and not torch.allclose(mixed[2], mixed[3])
+    own, theirs = generator.synthesis(w), generator.synthesis(other)
+    nearer = [(m - theirs).norm() / (m - own).norm().clamp_min(1e-6) for m in mixed]
+    assert nearer[1] < nearer[2] < nearer[3]
+
+
+def test_snapshots_fall_on_multiples_and_the_end():
+    config = replace(CONFIG, batch=4, snapshot_every=10, images=26)
+    assert [i for i in range(4, 29, 4) if snapshot_is_due(i, config)] == [12, 20, 28]
+
+
+def test_the_command_shows_its_settings_and_names_what_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    arguments = ["train", "--preset", "cpu", "--data", str(tmp_path), "--out", str(tmp_path / "run")]
+    assert main([*arguments, "--dry-run", "--training.geometry.prior", "observed"]) == 0
+    shown = capsys.readouterr().out
+    assert "prior='observed'" in shown and "raw_size=32" in shown and "samples=12" in shown
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "dataset.json" in error
+    assert main(["train", "--preset", "huge", "--data", "x", "--out", "y"]) == 2
+    assert "debug, cpu, gpu, paper" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()

@@ -1,0 +1,166 @@
+"""Metrics against cases whose answers are known."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.linalg import sqrtm
+
+from avatargen.body.model import pose, shape
+from avatargen.body.pose import named_pose
+from avatargen.data.dataset import open_pictures
+from avatargen.data.raycast import Light, shoot
+from avatargen.errors import InputError
+from avatargen.generator.camera import Camera, front_camera, rays
+from avatargen.generator.canonical import canonical_map
+from avatargen.generator.picture import CanonicalSurface
+from avatargen.metrics.evaluate import EvalConfig, evaluate, interval
+from avatargen.metrics.features import all_features, load_inception, random_features
+from avatargen.metrics.frechet import covariance, distance_error, frechet_distance
+from avatargen.metrics.joints import fit_joints, project, true_joints
+from avatargen.metrics.warp import carry, warp_error
+from avatargen.training.adversarial import generator_config
+from avatargen.training.adversarial_state import new_state
+from tests.bodies import capsule_body
+from tests.small_run import BODY, CONFIG, SIZE, make_data
+
+RNG = np.random.default_rng(0)
+
+
+def test_frechet_distance_matches_the_formula_and_shifts():
+    a, b = RNG.normal(size=(400, 6)), RNG.normal(size=(300, 6)) @ RNG.normal(size=(6, 6)) + 1
+    product = np.real(np.asarray(sqrtm(covariance(a) @ covariance(b))))
+    plain = np.square(a.mean(0) - b.mean(0)).sum() + np.trace(covariance(a) + covariance(b) - 2 * product)
+    assert frechet_distance(a, b) == pytest.approx(plain, rel=1e-8)
+    assert frechet_distance(a, a + 3) == pytest.approx(6 * 9, rel=1e-9)
+    assert frechet_distance(a, a) == pytest.approx(0, abs=1e-9)
+    flat = np.repeat(a[:1], 50, axis=0)  # no variance at all
+    assert frechet_distance(flat, flat + 1) == pytest.approx(6)
+
+
+def test_the_distances_interval_shrinks_with_more_pictures_and_holds_the_truth():
+    """Of shifted Gaussians the distance is known: the square of the shift."""
+    held = 0
+    for _ in range(20):
+        a, b = RNG.normal(size=(500, 2)), RNG.normal(size=(500, 2)) + np.array([1, 0])
+        held += abs(frechet_distance(a, b) - 1) < 1.96 * distance_error(a, b)
+    assert held >= 15
+    few, many = (distance_error(a[:n], b[:n]) for n in (60, 500))
+    assert many < few
+
+
+def test_features_see_colour_and_layout_and_are_the_same_everywhere():
+    images = torch.rand(8, 3, 32, 32, generator=torch.Generator().manual_seed(0))
+    features = all_features(random_features, images)
+    assert features.shape == (8, 96) and np.array_equal(features, all_features(random_features, images))
+    assert np.abs(features - all_features(random_features, images.flip(1))).mean() > 1e-3
+    assert np.abs(features - all_features(random_features, images * 0.5)).mean() > 1e-3
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of TorchScript, the format such files have
+def test_only_inception_is_taken_for_the_fid(tmp_path: Path):
+    class Wide(torch.nn.Module):
+        def forward(self, x: torch.Tensor) -> torch.Tensor:
+            return x.mean(dim=(2, 3)).repeat(1, 683)[:, :2048]
+
+    path = tmp_path / "network.pt"
+    torch.jit.trace(Wide(), torch.zeros(1, 3, 299, 299)).save(str(path))  # pyright: ignore
+    network = load_inception(path)
+    assert network(torch.rand(2, 3, 16, 16)).shape == (2, 2048)
+    torch.jit.trace(torch.nn.Flatten(), torch.zeros(1, 3, 299, 299)).save(str(path))  # pyright: ignore
+    with pytest.raises(InputError, match="2048"):
+        load_inception(path)
+    path.write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"network\.pt"):
+        load_inception(path)
+
+
+def test_joints_project_to_where_rays_leave_from(tmp_path: Path):
+    pictures = make_data(tmp_path / "data")
+    found = true_joints(pictures, BODY, np.arange(2))
+    camera = Camera(
+        cam2world=torch.from_numpy(pictures.labels.camera[:1, :16].reshape(1, 4, 4)),
+        intrinsics=torch.from_numpy(pictures.labels.camera[:1, 16:].reshape(1, 3, 3)),
+    )
+    origin, direction = (part[0].numpy() for part in rays(camera, 8))
+    centers = np.stack(np.meshgrid(*[(np.arange(8) + 0.5) / 8] * 2), axis=-1).reshape(-1, 2)
+    assert np.abs(project(origin + 2.5 * direction, pictures.labels.camera[0]) - centers).max() < 1e-5
+    head, foot = found[0][15], found[0][10]
+    assert head[1] < 0.4 < 0.6 < foot[1]
+    assert found[0][16][0] > 0.5 > found[0][17][0]  # seen from the front the left shoulder is on the right
+
+
+def test_the_joint_estimator_learns_where_a_blob_is():
+    """A dark disc moves over white pictures; the estimator finds it in new ones."""
+    centers = RNG.uniform(0.25, 0.75, size=(300, 1, 2))
+    y, x = np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2, indexing="ij")
+    inside = (x - centers[:, :, :1]) ** 2 + (y - centers[:, :, 1:]) ** 2 < 0.15**2
+    images = torch.from_numpy(1 - 0.8 * inside.astype(np.float32))[:, None].expand(-1, 3, -1, -1)
+    estimate = fit_joints(images[:200], centers[:200])
+    errors = np.linalg.norm(estimate(images[200:]) - centers[200:], axis=2)
+    assert errors.mean() < 0.03 < 0.5 * np.linalg.norm(centers[200:] - 0.5, axis=2).mean()
+
+
+def person(turn: float):
+    """A capsule figure that turns, and its map to the canonical space."""
+    body = capsule_body(0.05)
+    rotations = named_pose("a", body.joint_names)
+    rotations[0, 1] = turn
+    posed = pose(body, shape(body, np.zeros(10)), rotations)
+    return posed, canonical_map(posed)
+
+
+def seen_by(camera: Camera, posed, mapping, size: int):
+    """Colour (the canonical place), depth and mask of the posed body, by casting rays."""
+    canonical, _ = mapping(torch.from_numpy(posed.vertices).float())
+    colors = ((canonical + 1.3) / 3.2).clamp(0, 1).numpy()
+    light = Light(ambient=1.0, direction=np.array([0.0, 1.0, 0.0]), strength=0.0)
+    shot = shoot(posed.vertices, posed.shaped.body.faces, colors, camera, light, size)
+    color = torch.from_numpy(shot.image.astype(np.float32) / 255).permute(2, 0, 1)
+    return color, torch.from_numpy(shot.depth * 1e-4).float(), torch.from_numpy(shot.mask / 255.0).float()
+
+
+def test_warp_error_is_small_for_one_person_and_large_for_two():
+    camera = front_camera()
+    cam2world = camera.cam2world.clone()
+    cam2world[:, 1, 3] = 0.8
+    camera = replace(camera, cam2world=cam2world)
+    both = Camera(cam2world=cam2world.expand(2, -1, -1), intrinsics=camera.intrinsics.expand(2, -1, -1))
+    people = [person(0.0), person(0.35)]
+    color, depth, mask = (
+        torch.stack(part) for part in zip(*(seen_by(camera, *one, 64) for one in people), strict=True)
+    )
+    maps = (people[0][1], people[1][1])
+    same = warp_error(color, depth, mask, both, maps)
+    other = warp_error(torch.stack([color[0], 1 - color[1]]), depth, mask, both, maps)
+    assert same < 0.03 < 0.1 < other
+    assert np.isnan(warp_error(color, depth, mask * 0, both, maps))
+
+    vertices = people[0][0].vertices
+    assert np.abs(carry(vertices, *maps) - people[1][0].vertices).max() < 1e-4
+
+
+def test_means_have_intervals_and_nothing_measured_is_said():
+    number = interval(np.array([1.0, 2.0, np.nan, 3.0] * 20))
+    assert number is not None and number.value == pytest.approx(2) and number.count == 60
+    assert 1.7 < number.low < 1.9 and 2.1 < number.high < 2.3
+    assert interval(np.array([np.nan])) is None
+    with pytest.raises(InputError, match="20 or more"):
+        EvalConfig(pictures=3)
+
+
+def test_a_generator_is_measured(tmp_path: Path):
+    make_data(tmp_path / "data")
+    pictures = open_pictures(tmp_path / "data", SIZE)
+    networks = generator_config(CONFIG, BODY, None)
+    state = new_state(CONFIG, networks, pictures.labels.rows().shape[1], torch.device("cpu"))
+    features = ("frechet distance", random_features)
+    report = evaluate(state.average, CanonicalSurface(BODY), pictures, pictures, features, EvalConfig())
+    assert set(report.numbers) == {"frechet distance", "pose (% of the picture)"}
+    assert report.left_out == ("depth (mm)", "warp")  # no true depth here, and nobody solid yet
+    assert report.numbers["pose (% of the picture)"].count == 8
+    assert report.floors["frechet distance"].value < 0.01 * report.numbers["frechet distance"].value
+    assert report.floors["pose (% of the picture)"].value < report.numbers["pose (% of the picture)"].value
+    assert report.table().count("\n") == 3 and report.seconds["total"] > 0
