@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 HAS_NODE := $(shell command -v node >/dev/null 2>&1 && command -v npm >/dev/null 2>&1 && echo yes)
 WITH_NODE := PATH="$(CURDIR)/$(BIN):$$PATH"
 
-.PHONY: export test lint types pytest judges pictures film clean distclean
+.PHONY: export test lint types pytest judges pictures film formats clean distclean
 .DEFAULT_GOAL := export
 
 export: $(VENV)/run.stamp
@@ -63,6 +63,10 @@ pictures: $(BLENDER_VENV)/judges.stamp
 # Moments of a file's animations: make film GLB=avatar_3.glb
 film: $(BLENDER_VENV)/judges.stamp
 	$(BLENDER_VENV)/bin/python $(JUDGES)/blender_film.py $(GLB) out/film
+
+# Every format before every judge, as a table: docs/formats.md
+formats: $(VENV)/dev.stamp judges
+	$(BIN)/python -m tests.formats_table
 
 clean:
 	rm -rf build dist out *.egg-info .pytest_cache .ruff_cache

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exporters import export
-from tests.figure import figure
+from tests.figure import figure, in_motion
 from tests.tube import tube
 from tests.verdicts import (
     AGREE,
@@ -38,6 +38,21 @@ def test_web_engines_bend_as_ours_does(
     assert np.abs(found["posed"][0] - asset.vertices).max() > 0.05
     if engine[1] == "three":  # the other engine draws nothing here, so it reads no picture
         assert found["images"] == [[64, 64]]
+
+
+def test_three_plays_the_clips_and_knows_the_morphs(tmp_path: Path) -> None:
+    asset = in_motion(figure())
+    export(asset, tmp_path / "person.glb")
+    found = ask_engine("three_check.mjs", "three", tmp_path / "person.glb", asset, np.zeros((0, 24, 4, 4)))
+
+    assert found["morphs"] == ["taller"]
+    assert set(found["clips"]) == {clip.name for clip in asset.animations}
+    for clip in asset.animations:
+        played = found["clips"][clip.name]
+        np.testing.assert_allclose(played["times"], clip.times, atol=1e-6)
+        for vertices, transforms in zip(played["vertices"], clip.T_posed_rest(asset.skeleton), strict=True):
+            ours = our_vertices(asset, transforms)
+            np.testing.assert_allclose(np.reshape(vertices, (-1, 3)), ours, atol=AGREE)
 
 
 @pytest.mark.parametrize("suffix", [".gltf", ".vrm"])

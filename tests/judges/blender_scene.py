@@ -41,8 +41,9 @@ def import_rigged(path: str) -> Imported:
 def import_file(path: str) -> None:
     """Empty the scene and import the file with Blender's importer for its suffix."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.context.scene.render.fps = FPS
     suffix = path.rsplit(".", 1)[1].lower()
+    # Blender takes USD's time codes for frames, whatever they say they are
+    bpy.context.scene.render.fps = 24 if suffix.startswith("usd") else FPS
     if suffix.startswith("usd"):
         bpy.ops.wm.usd_import(filepath=path)
     elif suffix in ("obj", "ply", "stl"):
