@@ -40,7 +40,8 @@ TITLE = "# Formats before their judges"
 ABOUT = """\
 Micrometres are the largest distance of any vertex from our own skinning, in three random poses; for
 formats without a skeleton, from the vertices that were written. With `.vrm`, three.js stands for three-vrm
-too. Seconds are of one encoding. Made by `make formats`, which fails unless every judge is content."""
+too. Seconds are the processor's, for one encoding. Made by `make formats`, which fails unless every judge
+is content."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,9 @@ JUDGES: list[tuple[str, tuple[str, ...], Callable[[Case], str]]] = [
 def row(suffix: str, asset: Asset, poses: np.ndarray, folder: Path) -> list[str]:
     """One format's cells: files, size, seconds, verdicts by judge."""
     path = folder / f"avatar{suffix}"
-    started = time.perf_counter()
+    started = time.process_time()  # a busy machine does not change it
     encode(asset, path)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     size = export(asset, path)
     verdicts = dict.fromkeys((name for name, _, _ in JUDGES), "")
     for name, suffixes, judge in JUDGES:
