@@ -24,7 +24,7 @@ from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import GeneratorConfig, PlanesConfig, body_hash
-from avatargen.generator.decoder import BodyPoints, body_points, interpolate
+from avatargen.generator.decoder import BodyPoints, body_points, fit_reach, interpolate
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.planes import lookup_bilinear, plane_table
 
@@ -204,7 +204,7 @@ def load_generator(
     if not own_body:
         trained = trained_body(config.body_hash)
         offset = torch.from_numpy(trained.joints[0] - canonical.joints[0])
-        carry_vertex_features(generator, trained, canonical.vertices + offset.numpy())
+        carry_vertex_features(generator, trained, canonical, offset.numpy())
     return AvatarSampler(
         generator=generator.to(device).requires_grad_(False),
         body=canonical,
@@ -245,12 +245,15 @@ def trained_body(wanted: str) -> CanonicalBody:
 
 
 def carry_vertex_features(
-    generator: AvatarGenerator, trained: CanonicalBody, vertices: Float[np.ndarray, "V 3"]
+    generator: AvatarGenerator, trained: CanonicalBody, other: CanonicalBody, offset: Float[np.ndarray, "3"]
 ) -> None:
-    """Replace the learned features at the trained body's vertices by those at another body's vertices."""
-    if not generator.config.decoder.vertex_features:
+    """Carry the learned features from the trained body's vertices to another body's, and set its reach."""
+    decoder = generator.decoder
+    if not decoder.config.vertex_features:
         return
-    hit = BodyDistance(trained.vertices, trained.faces).query(vertices)
+    hit = BodyDistance(trained.vertices, trained.faces).query(other.vertices + offset)
     near = body_points(hit, torch.from_numpy(trained.faces))
-    features = interpolate(generator.decoder.vertex_features, near)[0]
-    generator.decoder.vertex_features = nn.Parameter(features.detach())
+    features = interpolate(decoder.vertex_features, near)[0]
+    decoder.vertex_features = nn.Parameter(features.detach())
+    decoder.inverse_reach = torch.zeros(len(other.vertices))
+    fit_reach(decoder, other)

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import CanonicalBody, canonical_body
 from avatargen.generator.config import PRESETS, GeneratorConfig, for_body
-from avatargen.generator.decoder import BodyPoints, body_points
+from avatargen.generator.decoder import BodyPoints, body_points, fit_reach
 from avatargen.generator.generator import AvatarGenerator
 from tests.bodies import capsule_body
 
@@ -34,6 +34,7 @@ def debug_config(**decoder: object) -> GeneratorConfig:
 def random_generator(seed: int = 0, **decoder: object) -> AvatarGenerator:
     """A debug generator in which every parameter is random: nothing rests at a zero start."""
     generator = AvatarGenerator(debug_config(**decoder))
+    fit_reach(generator.decoder, capsule_canonical())
     randomize(generator, seed)
     return generator
 

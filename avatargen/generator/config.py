@@ -65,7 +65,7 @@ class PlanesConfig:
 class DecoderConfig:
     """Field decoder (section 3.2): plane features and body distance to residual, colour and features."""
 
-    width: int = 64
+    width: int = 96
     depth: int = 3  # hidden layers
     activation: str = "leaky_relu"  # or softplus
     features: int = 32  # what the renderer collects; the first three are the colour
@@ -211,7 +211,9 @@ PAPER = GeneratorConfig(
         blocks=((4, 512), (8, 512), (16, 512), (32, 512), (64, 256), (128, 128), (256, 64)), noise=True
     ),
     planes=PlanesConfig(head_gain=1.0),
-    decoder=DecoderConfig(depth=1, activation="softplus", modulated=False, vertex_features=0, frequencies=0),
+    decoder=DecoderConfig(
+        width=64, depth=1, activation="softplus", modulated=False, vertex_features=0, frequencies=0
+    ),
     render=RenderConfig(raw_size=128, image_size=512, samples=48, initial_alpha=0.1, upsampler_channels=256),
 )
 PRESETS = {"debug": DEBUG, "shipped": SHIPPED, "paper": PAPER}

@@ -16,6 +16,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from avatargen.body.distance import BodyHit
+from avatargen.body.model import CanonicalBody
+from avatargen.body.reach import outer_reach
 from avatargen.errors import InputError
 from avatargen.generator.config import DecoderConfig
 from avatargen.generator.layers import EqualLinear, leaky_relu
@@ -79,11 +81,13 @@ class ModulatedLinear(nn.Module):
 
 
 class Decoder(nn.Module):
-    """The field's network.
+    """The field's network. `inverse_reach` (1/m) is set by `fit_reach`; at zero, vertex features never fade.
 
     Raises:
         InputError: vertex features are asked for but there are no vertices.
     """
+
+    inverse_reach: Tensor
 
     def __init__(self, config: DecoderConfig, *, plane_channels: int, w_size: int, vertex_count: int) -> None:
         super().__init__()
@@ -100,6 +104,7 @@ class Decoder(nn.Module):
         )
         if config.vertex_features:
             self.vertex_features = nn.Parameter(torch.randn(vertex_count, config.vertex_features) * 0.1)
+            self.register_buffer("inverse_reach", torch.zeros(vertex_count))
         self.residual = EqualLinear(config.width, 1, zero=True)
         self.features = EqualLinear(config.width, config.features)
         if (
@@ -117,7 +122,7 @@ class Decoder(nn.Module):
         """What both heads read. `centered` are the points scaled so that the box is -1..1."""
         inputs = [plane_features * PLANE_GAIN, distance_features(body.distance)]
         if self.config.vertex_features:
-            inputs.append(interpolate(self.vertex_features, body))
+            inputs.append(self.features_at_body(body))
         if self.config.frequencies:
             inputs.append(encode(centered, self.config.frequencies))
         x = torch.cat(inputs, dim=-1)
@@ -125,6 +130,11 @@ class Decoder(nn.Module):
             x = layer(x, w)
             x = leaky_relu(x) if self.config.activation == "leaky_relu" else F.softplus(x)
         return x
+
+    def features_at_body(self, body: BodyPoints) -> Float[Tensor, "B N K"]:
+        """Vertex features at the closest body points, faded out before the closest point jumps."""
+        inverse_reach = interpolate(self.inverse_reach[:, None], body)[..., 0]
+        return interpolate(self.vertex_features, body) * fade(body.distance, inverse_reach)[..., None]
 
     def person_rows(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B width 4"]:
         """Each person's own addition to the last layer: a column for the residual, three for the colour."""
@@ -151,6 +161,9 @@ class Decoder(nn.Module):
 
 
 PERSON_ROWS = 4
+# metres from the body over which vertex features fade at least, for lips and toes touch; and at most, as a
+# mesh's shallow dents make the closest point of distant points jump
+NEAREST, FARTHEST = 0.005, 0.06
 DISTANCE_SCALES = (0.02, 0.1)  # metres; the body distance also enters as tanh(d / scale)
 
 
@@ -158,6 +171,19 @@ def distance_features(distance: Float[Tensor, "B N"]) -> Float[Tensor, "B N 3"]:
     """The body distance at three ranges: 10 d, tanh(d / 2 cm), tanh(d / 10 cm)."""
     soft = [torch.tanh(distance / scale) for scale in DISTANCE_SCALES]
     return torch.stack([distance * 10, *soft], dim=-1)
+
+
+def fade(distance: Float[Tensor, "B N"], inverse_reach: Float[Tensor, "B N"]) -> Float[Tensor, "B N"]:
+    """1 on the body and inside it, smoothly down to 0 at the reach and beyond."""
+    share = (distance.clamp_min(0) * inverse_reach).clamp_max(1)
+    return (1 - share.square()).square()
+
+
+def fit_reach(decoder: Decoder, body: CanonicalBody) -> None:
+    """Tell the decoder how far the vertices of its body reach."""
+    if decoder.config.vertex_features:
+        reach = torch.from_numpy(outer_reach(body.vertices, body.faces, FARTHEST))
+        decoder.inverse_reach.copy_(1 / reach.clamp_min(NEAREST))
 
 
 def interpolate(table: Float[Tensor, "V K"], body: BodyPoints) -> Float[Tensor, "B N K"]:

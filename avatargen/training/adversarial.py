@@ -27,6 +27,7 @@ from avatargen.errors import TrainingError
 from avatargen.generator.camera import camera_of_vector
 from avatargen.generator.checkpoint import Checkpoint, save_checkpoint
 from avatargen.generator.config import GeneratorConfig, for_body
+from avatargen.generator.decoder import fit_reach
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface, Person, Picture, make_people, picture_people
 from avatargen.training.adversarial_config import NETWORKS, AdversarialConfig
@@ -140,6 +141,9 @@ def train(
     label_size = pictures.labels.rows().shape[1]
     weights = start.generator.state_dict() if start else None
     state = new_state(config, networks, label_size, accelerator.device, weights)
+    if start is None:
+        for network in (state.generator, state.average):
+            fit_reach(network.decoder, canonical_body(body))
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
     if main:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from torch import Tensor
 
 from avatargen.atomic import write_atomically
 from avatargen.body.arrays import read_npz
@@ -47,6 +48,12 @@ def pool_points(body: CanonicalBody, count: int, seed: int) -> Float[np.ndarray,
     parts = [rng.uniform(low, high, size=(int(count * share), 3)) for low, high, share in HANGING]
     parts.append(near_body(body, count - sum(map(len, parts)), rng))
     return np.concatenate(parts).astype(np.float32)
+
+
+def hangs(points: Float[Tensor, "N 3"]) -> Bool[Tensor, " N"]:
+    """Whether a point lies in the box that skirts and coats reach."""
+    low, high, _ = HANGING[0]
+    return ((points > torch.tensor(low)) & (points < torch.tensor(high))).all(dim=1)
 
 
 def make_pool(body: CanonicalBody, count: int, seed: int, deepest: float = 0.025) -> Places:

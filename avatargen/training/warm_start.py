@@ -28,15 +28,16 @@ from avatargen.errors import TrainingError
 from avatargen.generator.camera import Camera, front_camera
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import GeneratorConfig
-from avatargen.generator.decoder import BodyPoints
+from avatargen.generator.decoder import BodyPoints, fit_reach
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.training.pool import cached_pool
-from avatargen.wardrobe import MARKS
+from avatargen.training.pool import cached_pool, hangs
+from avatargen.wardrobe import MARKS, garments
 from avatargen.wardrobe.attributes import LATENT_SIZE, People, phenotype
 from avatargen.wardrobe.chart import Places
 from avatargen.wardrobe.layers import Layer
 from avatargen.wardrobe.person import dress_up
 
+OFF_BODY = 0.02  # m from the body where vertex features and the densest part of the pool end
 HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
 
 
@@ -44,10 +45,14 @@ HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
 class WarmStartConfig:
     """Settings of the warm start; lengths in steps unless said otherwise."""
 
-    steps: int = 3150
+    steps: int = 9000
     people: int = 48  # a step; variety of people teaches more than points of each
     points: int = 640  # a person
     candidates: int = 2  # pool points looked at for each one kept
+    skirts: float = (
+        0.25  # share of people drawn in skirts, the hardest to learn, beside those who choose them
+    )
+    searched: int = 4096  # pool points off the body looked at for each person whose cloth hangs there
     learning_rate: float = 2.5e-3
     final_learning_rate: float = 0.02  # of the first one
     field_rate: float = 3.0  # learning rate of mapping and decoder over that of planes and vertex features
@@ -92,18 +97,20 @@ class Stream:
 
     def __init__(self, pool: Places, config: WarmStartConfig) -> None:
         self.pool, self.config = pool, config
+        self.off_body = torch.nonzero(hangs(pool.p) & (pool.body > OFF_BODY))[:, 0]
         with np.load(MARKS, allow_pickle=False) as marks:
             self.phenotype_to_betas = torch.from_numpy(marks["phenotype_to_betas"])
 
-    def batch(self, step: int, people: int) -> Batch:
-        """People, places near their surfaces, and targets."""
+    def batch(self, step: int, people: int, skirts: float = 0.0) -> Batch:
+        """People, a share of them in skirts whatever they draw, places near their surfaces, and targets."""
         random = torch.Generator().manual_seed((self.config.seed * 1_000_000_007 + step) % 2**63)
         z = torch.randn(people, LATENT_SIZE, generator=random)
-        drawn = People(z)
+        drawn = People(z).choosing(slice(round(skirts * people)), *garments.SKIRT)
         count = self.config.points
         index = torch.randint(len(self.pool.p), (people, count * self.config.candidates), generator=random)
-        places = self.pool[index]
         with torch.no_grad():
+            self.search_free_cloth(index, drawn, random)
+            places = self.pool[index]
             target = dress_up(places, drawn)
             keep = near_surface(target.sdf, count, random)
             rows = torch.arange(people)[:, None]
@@ -118,6 +125,15 @@ class Stream:
             target=kept,
             betas=betas,
         )
+
+    def search_free_cloth(self, index: Int[Tensor, "B M"], people: People, random: torch.Generator) -> None:
+        """Cloth off the body, which few points of the pool meet, gets half of its wearer's points."""
+        rows = torch.nonzero((garments.has_skirt(people) + garments.has_coat(people))[:, 0])[:, 0]
+        drawn = torch.randint(len(self.off_body), (len(rows), self.config.searched), generator=random)
+        found = self.off_body[drawn]
+        sdf = garments.free_cloth(self.pool.p[found], People(people.z[rows]))
+        keep = near_surface(sdf, index.shape[1] // 2, random)
+        index[rows, : keep.shape[1]] = found.gather(1, keep)
 
 
 def near_surface(sdf: Float[Tensor, "B M"], count: int, random: torch.Generator) -> Int[Tensor, "B N"]:
@@ -194,16 +210,20 @@ class State:
 
 
 def new_state(
-    config: GeneratorConfig, training: WarmStartConfig, coarser: dict[str, Tensor] | None = None
+    config: GeneratorConfig,
+    training: WarmStartConfig,
+    body: CanonicalBody,
+    coarser: dict[str, Tensor] | None = None,
 ) -> State:
-    """Freshly initialised networks, seeded; or those of a coarser run, whose added plane resolutions
-    start silent.
+    """Freshly initialised networks on a body, seeded; or those of a coarser run, whose added plane
+    resolutions start silent.
 
     Raises:
         TrainingError: the coarser weights are of other networks.
     """
     torch.manual_seed(training.seed)
     generator = AvatarGenerator(config)
+    fit_reach(generator.decoder, body)
     if coarser is not None:
         refine(generator, coarser)
     optimizer = torch.optim.Adam(
@@ -316,13 +336,13 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     write_atomically(out / "config.json", json.dumps(asdict(config), indent=1).encode())
     stream = Stream(cached_pool(out / "pool.npz", body, config.pool, config.seed), config)
-    state = new_state(generator_config, config, coarser)
+    state = new_state(generator_config, config, body, coarser)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
     started, recent = time.monotonic(), []
     errors = held_out(state.average, stream, config)
     while state.step < config.steps:
-        recent.append(step_once(state, stream.batch(state.step, config.people), config))
+        recent.append(step_once(state, stream.batch(state.step, config.people, config.skirts), config))
         if state.step % config.report_every == 0:
             report(summarize(state.step, recent, time.monotonic() - started, config))
             recent = []

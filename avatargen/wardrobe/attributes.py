@@ -105,6 +105,13 @@ class People:
         """1 where the coordinate is positive, else 0."""
         return (self.normal(name) > 0).to(self.z.dtype)
 
+    def choosing(self, rows: slice, *names: str) -> "People":
+        """The same people, those of the rows with these choices made: a draw under that condition."""
+        z = self.z.clone()
+        for name in names:
+            z[rows, _COORDINATE[name]] = z[rows, _COORDINATE[name]].abs()
+        return People(z)
+
     def measure(self, name: str) -> Float[Tensor, "B 1"]:
         """Phi(z): uniform in 0..1."""
         return 0.5 * (1 + torch.erf(self.normal(name) / 2**0.5))

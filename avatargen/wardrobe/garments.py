@@ -14,6 +14,7 @@ from avatargen.wardrobe.layers import Layer, Number, bump, cloth, folds, mix, ra
 ARM_Y, ARM_Z = 0.468, 0.012
 WAIST_Y = 0.155
 FLOOR = 0.952  # m below the hip, along the leg
+SKIRT = ("woman", "bottom_a")  # the choices that make a skirt
 PERIOD = 0.07  # m, of stripes and checks
 KNEE, ANKLE = 0.436, 0.871
 LINING = 0.30  # brightness of undersides and insides
@@ -121,7 +122,7 @@ def top(places: Places, people: People) -> Layer:
 
 def has_skirt(people: People) -> Tensor:
     """1 for women in a skirt or a dress."""
-    return people.choice("woman") * people.choice("bottom_a")
+    return people.choice(SKIRT[0]) * people.choice(SKIRT[1])
 
 
 def has_dress(people: People) -> Tensor:
@@ -206,13 +207,11 @@ def belt(places: Places, people: People) -> Layer:
     )
 
 
-def skirt_sdf(
-    places: Places, flare: Tensor, end: Tensor, ease: Number, creased: Tensor
-) -> tuple[Tensor, Tensor]:
+def skirt_sdf(p: Tensor, flare: Tensor, end: Tensor, ease: Number, creased: Tensor) -> tuple[Tensor, Tensor]:
     """A flared rounded prism around both legs from the waist down to height `end`, its underside
     hollow; and its fold pattern.
     """
-    x, y, z = tailor(places.p)
+    x, y, z = tailor(p)
     below = (WAIST_Y - y).clamp(min=0)
     half = (
         0.150
@@ -224,8 +223,8 @@ def skirt_sdf(
     deep = 0.112 + 0.020 * ramp(below, 0.02, 0.2) + flare * 0.30 * below + ease
     centre = 0.030 - 0.028 * ramp(below, 0.0, 0.30)
     angle = torch.atan2((z - centre) / 0.12, x / (half + 1e-3))
-    wave = torch.sin(angle * 11 + 0.8) + 0.5 * torch.sin(angle * 17 + 2.1)
-    amplitude = (0.3 + flare) * 0.030 * below * creased
+    wave = torch.sin(angle * 7 + 0.8) + 0.4 * torch.sin(angle * 11 + 2.1)
+    amplitude = (0.4 + flare) * 0.016 * below * creased
     qx, qz = x.abs() - (half - deep), (z - centre).abs()
     outline = torch.where(qx > 0, torch.sqrt(qx.clamp(min=0) ** 2 + qz**2 + 1e-10), qz) - deep
     wall = (outline - amplitude * wave) * 0.88
@@ -233,17 +232,22 @@ def skirt_sdf(
     return torch.maximum(torch.maximum(wall, y - WAIST_Y - 0.01), end + hollow - y), wave
 
 
+def skirt_end(people: People) -> Tensor:
+    """Height at which a skirt ends, m."""
+    return WAIST_Y - people.between("skirt_length", 0.36, 0.95)
+
+
+def skirt_cone(p: Tensor, people: People) -> tuple[Tensor, Tensor]:
+    """The free-hanging part of a person's skirt, and its folds."""
+    flare, creased = people.between("flare", 0.05, 0.75), people.between("creased", 0.5, 1.5)
+    return skirt_sdf(p, flare, skirt_end(people), 0.004, creased)
+
+
 def skirt(places: Places, people: People) -> Layer:
     """Skirts, and the lower half of dresses."""
     x, y, _z = tailor(places.p)
-    end = WAIST_Y - people.between("skirt_length", 0.36, 0.95)
-    sdf, wave = skirt_sdf(
-        places,
-        people.between("flare", 0.05, 0.75),
-        end,
-        0.004,
-        people.between("creased", 0.5, 1.5),
-    )
+    end = skirt_end(people)
+    sdf, wave = skirt_cone(places.p, people)
     dress = has_dress(people)
     tight = torch.maximum(
         loosened(places, people.measure("ease")) - 0.011, torch.maximum(y - WAIST_Y - 0.02, end - y)
@@ -264,6 +268,23 @@ def skirt(places: Places, people: People) -> Layer:
     return Layer(sdf=smooth_min(sdf, tight, 0.015), color=color.clamp(0, 1))
 
 
+def has_coat(people: People) -> Tensor:
+    """1 for those whose outer garment reaches below the hips."""
+    return people.choice("outer_a") * people.choice("outer_b")
+
+
+def coat_tail(p: Tensor, people: People) -> Tensor:
+    """The free-hanging part of a coat, m."""
+    hem = people.between("outer_length", -0.42, -0.12)
+    return skirt_sdf(p, 0.12 * torch.ones_like(hem), hem, 0.020, people.between("creased", 0.5, 1.5))[0]
+
+
+def free_cloth(p: Tensor, people: People) -> Tensor:
+    """Signed distance to what hangs free of the legs, 1 for those who wear nothing of the kind, m."""
+    skirt = torch.where(has_skirt(people) > 0.5, skirt_cone(p, people)[0], 1.0)
+    return torch.minimum(skirt, torch.where(has_coat(people) > 0.5, coat_tail(p, people), 1.0))
+
+
 def outer(places: Places, people: People) -> Layer:
     """Jacket, cardigan or coat, open in front or closed; coats reach to the thighs or knees."""
     x, y, z = tailor(places.p)
@@ -277,7 +298,7 @@ def outer(places: Places, people: People) -> Layer:
     body = smooth_min(
         places.closed, sleeve_cone(x, y, z, 0.068 - 0.016 * ramp(x.abs(), 0.3, 0.7)) + thick, 0.02
     )
-    tail, _ = skirt_sdf(places, 0.12 * torch.ones_like(hem), hem, 0.020, people.between("creased", 0.5, 1.5))
+    tail = coat_tail(places.p, people)
     width = 0.02 + 0.055 * people.measure("collar_height") + 0.05 * ramp(-y, -0.45, 0.1)
     vee = 0.60 * (y - 0.30 + 0.08 * people.measure("collar_height")).clamp(min=0)
     front = torch.maximum(x.abs() - torch.where(openness > 0.5, width, vee), 0.7 * (0.02 - z))

@@ -57,10 +57,10 @@ def when(worn: Float[Tensor, "B 1"], layer: Layer) -> Layer:
 
 
 def cloth(body: Tensor, thickness: Number, covered: Tensor) -> Tensor:
-    """Distance to the body thickened by `thickness`, cut where `covered` (metres inside the pattern
-    piece) goes negative.
+    """Distance to the body thickened by `thickness`, cut with a rounded edge where `covered` (metres inside
+    the pattern piece) goes negative.
     """
-    return torch.maximum(body - thickness, -covered)
+    return -smooth_min(thickness - body, covered)
 
 
 def folds(u: Tensor, v: Tensor, phase: float = 0.0, wavelength: float = 0.075) -> Tensor:
