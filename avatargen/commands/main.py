@@ -62,6 +62,11 @@ COMMANDS = (
         function="avatargen.commands.ablations:main",
     ),
     Command(
+        words=("eval", "rays"),
+        summary="picture error against time for 12 to 48 samples a ray",
+        function="avatargen.commands.rays:main",
+    ),
+    Command(
         words=("eval",),
         summary="measure a generator against held-out pictures: Frechet distance, depth, pose, warp",
         function="avatargen.commands.evaluate:main",

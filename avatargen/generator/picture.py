@@ -20,10 +20,11 @@ from avatargen.body.distance import BodyDistance
 from avatargen.body.model import Body, PosedBody, pose, pose_canonically, shape
 from avatargen.generator.camera import Camera, rays
 from avatargen.generator.canonical import CanonicalMap, canonical_map
+from avatargen.generator.config import RenderConfig
 from avatargen.generator.decoder import BodyPoints, attach_gradient, body_points
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.renderer import Rendering, Samples, composite
-from avatargen.generator.shell import shell_around, shell_samples
+from avatargen.generator.shell import Shell, shell_around, shell_samples
 
 BACKGROUND = 1.0  # white
 
@@ -153,11 +154,16 @@ def render_person(
     person: Person,
     ray: tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"]],
     draw: torch.Generator | None,
+    settings: RenderConfig | None = None,
+    shell: Shell | None = None,
 ) -> Rendering:
-    """Volume rendering of one person; only samples within the shell around the posed body are asked."""
-    settings = generator.config.render
+    """Volume rendering of one person; only samples within the shell around the posed body are asked.
+
+    Other settings and another shell than the generator's own can be given, to measure what they change.
+    """
+    settings = settings or generator.config.render
     origin, direction = ray
-    shell = shell_around(person.posed.vertices, settings.shell, origin.device)
+    shell = shell or shell_around(person.posed.vertices, settings.shell, origin.device)
     samples, far = shell_samples(shell, origin, direction, settings.samples, draw)
     hit = (samples.width > 0).nonzero()[:, 0]  # rays that miss cost nothing from here on
     samples = Samples(depth=samples.depth[hit], width=samples.width[hit])
