@@ -31,6 +31,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--size", type=whole_number(8, 2048), default=128, metavar="S", help="pixels a side (default: 128)")
     add("--views", type=whole_number(1, 1000), default=8, metavar="V", help="pictures of each (default: 8)")
     add("--seed", type=whole_number(0, 2**31), default=0, metavar="N", help="another seed, other people")
+    add(
+        "--cell",
+        type=whole_number(4, 30),
+        default=18,
+        metavar="MM",
+        help="fineness of the people in millimetres (default: 18, a pixel of 128); finer takes longer",
+    )
     add("--workers", type=whole_number(1, 256), metavar="N", help="processes (default: one a core)")
     add("--out", type=Path, required=True, metavar="DIR", help="where to write")
 
@@ -40,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             show("loading libraries", 0.0)
             from avatargen.data.synth import SynthConfig, synthesize
 
-            config = SynthConfig(size=given.size, views=given.views, seed=given.seed)
+            config = SynthConfig(size=given.size, views=given.views, seed=given.seed, cell=given.cell / 1000)
             workers = given.workers or cores()
             started = time.monotonic()
             labels = synthesize(

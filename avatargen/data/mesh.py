@@ -64,7 +64,7 @@ class Region:
 class Tailor:
     """Makes meshes of wardrobe people; what it learns about the body's surroundings serves them all."""
 
-    def __init__(self, body: CanonicalBody, cell: float = 0.014) -> None:
+    def __init__(self, body: CanonicalBody, cell: float) -> None:
         self.body, self.cell = body, cell
         self.chart = Chart(body, MARKS, spacing=cell)
         self.T_canonical_rest = pose_canonically(body.source).T_posed_rest

@@ -42,7 +42,7 @@ class SynthConfig:
     size: int = 128  # pixels a side
     views: int = 8  # pictures of each person, every one in a pose, light and view of its own
     seed: int = 0
-    cell: float = 0.014  # metres; fineness of the people
+    cell: float = 0.018  # metres; fineness of the people: a pixel of 128
     format: int = FORMAT
 
     def __post_init__(self) -> None:
