@@ -25,7 +25,7 @@ def figure(spacing: float = 0.06, size: int = 64) -> Asset:
     return Asset(
         vertices=(vertices + lift).astype(np.float32),
         normals=vertex_normals(Surface(vertices=vertices, faces=body.faces)).astype(np.float32),
-        faces=body.faces,
+        faces=body.faces.copy(),
         info=AssetInfo(seed=3, weights_hash="0" * 64, version="0.1.0", licence="CC0-1.0"),
         uv=((vertices[:, :2] - low) / (high - low) * [1, -1] + [0, 1]).clip(0, 1).astype(np.float32),
         texture=checker(size),

@@ -72,6 +72,11 @@ COMMANDS = (
         function="avatargen.commands.evaluate:main",
     ),
     Command(
+        words=("check",),
+        summary="what independent validators say about a file, in plain words",
+        function="avatargen.commands.check:main",
+    ),
+    Command(
         words=("survey",),
         summary="build many seeds: table of errors, contact sheet, files",
         function="avatargen.commands.survey:main",
