@@ -89,7 +89,7 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         help="fineness the field is sampled at (default: 512)",
     )
     shape.add_argument(
-        "--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a; VRM wants t)"
+        "--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a); vrm wants t"
     )
     add_rig_options(parser.add_argument_group("the rig"))
     model = parser.add_argument_group("the model")
