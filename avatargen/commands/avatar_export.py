@@ -17,6 +17,7 @@ from avatargen.errors import InputError
 
 PROGRAM = "avatar-export"
 LARGEST_SEED = 2**63 - 1
+MOST_SEEDS = 1_000_000
 # what `exporters` writes, which takes seconds to ask
 FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
 DESCRIPTION = """\
@@ -30,6 +31,7 @@ examples:
   avatar-export --seed 3 --out person.glb --report person.json --preview person.png
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
+  avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
 """
 
@@ -51,17 +53,28 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     add(
         "--seed",
         type=whole_number(0, LARGEST_SEED),
-        required=True,
         metavar="N",
         help="which person; the same seed gives the same file",
     )
+    add(
+        "--seeds",
+        type=seed_range,
+        metavar="A:B",
+        help="instead of one: seeds A to B - 1, into the folder --out; the same command resumes",
+    )
+    add("--jobs", type=whole_number(1, 1000), metavar="N", help="how many processes make them (1)")
     add(
         "--format",
         type=format_name,
         metavar="NAME",
         help=f"file format: {', '.join(FORMATS)} (default: the suffix of --out, else glb)",
     )
-    add("--out", type=Path, metavar="FILE", help="where to write (default: avatar_SEED.FORMAT here)")
+    add(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="where to write (default: avatar_SEED.FORMAT here); a folder with --seeds",
+    )
     add(
         "--report",
         type=Path,
@@ -147,15 +160,20 @@ def export_avatar(given: Namespace) -> None:
     Raises:
         AvatarGenError: an argument, file or field is bad; then nothing is written.
     """
+    if (given.seed is None) == (given.seeds is None):
+        raise InputError("the following arguments are required: --seed or --seeds, one of them")
+    if given.seeds is not None:
+        export_folder(given)
+        return
+    if given.jobs is not None:
+        raise InputError("found --jobs with one seed; give --seeds A:B, or leave it out")
     path = output_path(given)
     if given.preview is not None and given.preview.suffix.lower() != ".png":
         raise InputError(f"found --preview {given.preview}; give a name that ends in .png")
     for output in (path, given.report, given.preview):
         if output is not None:
             check_writable(output)
-    for source in (given.weights, given.body, *given.motion):
-        if source is not None and not source.is_file():
-            raise InputError(f"found no file {source}; check the path")
+    check_sources(given)
     with progress_line() as show:
         show("loading libraries", 0.0)
         from avatargen.commands.export_run import run
@@ -163,6 +181,42 @@ def export_avatar(given: Namespace) -> None:
         closing = run(given, path, show)
     print(closing, file=sys.stderr)
     print(path)
+
+
+def export_folder(given: Namespace) -> None:
+    """Many seeds into a folder, with a manifest.
+
+    Raises:
+        AvatarGenError: an option or file is bad, or a seed has failed; the others' files are there.
+    """
+    if given.out is None or given.report is not None or given.preview is not None:
+        raise InputError("found --seeds, which wants --out FOLDER and takes neither --report nor --preview")
+    check_sources(given)
+    from avatargen.commands.export_many import export_many
+    from avatargen.commands.manifest import NAME
+
+    with progress_line() as show:
+        show("starting", 0.0)
+        closing = export_many(given, show)
+    print(closing, file=sys.stderr)
+    print(given.out / NAME)
+
+
+def check_sources(given: Namespace) -> None:
+    """Raises InputError where a file that is to be read is not there."""
+    for source in (given.weights, given.body, *given.motion):
+        if source is not None and not source.is_file():
+            raise InputError(f"found no file {source}; check the path")
+
+
+def seed_range(text: str) -> tuple[int, int]:
+    """An argument type: A:B, both plain decimal numbers, A < B."""
+    parts = text.split(":")
+    plain = len(parts) == 2 and all(part.isascii() and part.isdigit() and len(part) < 20 for part in parts)
+    first, end = (int(part) for part in parts) if plain else (0, 0)
+    if not first < end <= LARGEST_SEED or end - first > MOST_SEEDS:
+        raise ArgumentTypeError(f"found {text!r}, wanted A:B with A < B, at most {MOST_SEEDS} seeds apart")
+    return first, end
 
 
 def format_name(text: str) -> str:

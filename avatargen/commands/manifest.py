@@ -1,0 +1,138 @@
+"""The list of what a run over many seeds has made: manifest.jsonl, one JSON object a line and seed.
+
+Lines are only ever added, each in one write that is flushed to disk. A later line of a seed takes the place
+of an earlier one. What a killed run left of its last line is cut off by the next run. A lock keeps two runs
+from one folder.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from avatargen.atomic import unwritable, write_atomically
+from avatargen.errors import InputError
+
+NAME, SETTINGS_NAME = "manifest.jsonl", "settings.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One seed's outcome: a file, or the reason why there is none."""
+
+    seed: int
+    file: str | None = None  # name in the folder
+    sha256: str | None = None  # of its bytes
+    bytes: int | None = None  # with the files beside it
+    faces: int | None = None
+    error_mm: dict[str, float] | None = None  # mesh to field: mean, p99, max
+    error: str | None = None
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """An open, locked manifest and what it held when it was opened."""
+
+    folder: Path
+    handle: int
+    rows: dict[int, Row]
+
+    def add(self, row: Row) -> None:
+        """Append a line and flush it to disk. Raises InputError where the disk is full."""
+        line = json.dumps(asdict(row)).encode() + b"\n"
+        try:
+            if os.write(self.handle, line) < len(line):
+                raise OSError(0, "the disk is full")
+            os.fsync(self.handle)
+        except OSError as error:
+            raise unwritable(self.folder / NAME, error) from error
+        self.rows[row.seed] = row
+
+    def holds(self, seed: int) -> bool:
+        """The seed's file is there, whole and as it was written."""
+        row = self.rows.get(seed)
+        if row is None or row.file is None or row.error is not None:
+            return False
+        try:
+            return hashlib.sha256((self.folder / row.file).read_bytes()).hexdigest() == row.sha256
+        except OSError:
+            return False
+
+
+@contextmanager
+def open_manifest(folder: Path, settings: dict[str, object]) -> Iterator[Manifest]:
+    """The folder's manifest, made with its folder where there is none.
+
+    Raises:
+        InputError: the folder cannot be written, was made with other settings, is in use or is damaged.
+    """
+    path = folder / NAME
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(f"{folder} is being written by another run; wait for it to end") from error
+        rows = read_rows(path, handle)
+        keep_settings(folder / SETTINGS_NAME, settings)
+        yield Manifest(folder, handle, rows)
+    finally:
+        os.close(handle)
+
+
+def read_rows(path: Path, handle: int) -> dict[int, Row]:
+    """Every whole line's row, the last of each seed; half a line at the end is cut off.
+
+    Raises:
+        InputError: a whole line is no row.
+    """
+    data = path.read_bytes()
+    whole = data.rfind(b"\n") + 1
+    if whole < len(data):
+        os.ftruncate(handle, whole)
+    rows = {}
+    for number, line in enumerate(data[:whole].splitlines(), start=1):
+        row = parse_row(line)
+        if row is None:
+            raise InputError(
+                f"{path}: line {number} is no row of a manifest; remove it or use another folder"
+            )
+        rows[row.seed] = row
+    return rows
+
+
+def parse_row(line: bytes) -> Row | None:
+    """The row of a line, or None."""
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    names = {field.name for field in fields(Row)}
+    texts = ("file", "sha256", "error")
+    if not isinstance(found, dict) or set(found) != names or type(found["seed"]) is not int:
+        return None
+    if any(found[name] is not None and not isinstance(found[name], str) for name in texts):
+        return None
+    return Row(**found)
+
+
+def keep_settings(path: Path, settings: dict[str, object]) -> None:
+    """Write the settings, or compare them with those that the folder was made with.
+
+    Raises:
+        InputError: they differ.
+    """
+    data = json.dumps(settings, indent=2, sort_keys=True).encode() + b"\n"
+    if not path.exists():
+        write_atomically(path, data)
+    elif path.read_bytes() != data:
+        raise InputError(f"{path} says that the folder was made with other settings; give another --out")

@@ -1,0 +1,197 @@
+"""Many seeds: a crash or a bad seed costs that seed alone, and the same command finishes the rest."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pygltflib
+import pytest
+
+from avatargen.commands import avatar_export, export_many
+from avatargen.commands.export_many import Worker, bury
+from avatargen.commands.manifest import NAME, Row, open_manifest
+from avatargen.errors import AvatarGenError, InputError
+from tests.test_avatar_export import Model, command, in_an_empty_folder, model, outside
+
+__all__ = ["in_an_empty_folder", "model"]  # fixtures
+SETTINGS: dict[str, object] = {"faces": 2000}
+
+
+def rows(folder: Path) -> list[dict]:
+    return [json.loads(line) for line in (folder / NAME).read_text().splitlines()]
+
+
+def children(pid: int) -> list[int]:
+    try:
+        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except OSError:
+        return []
+
+
+def is_worker(pid: int) -> bool:
+    try:
+        return b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
+
+
+def wait_for(condition, seconds: float = 120.0):
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.02)
+    raise AssertionError("it did not happen in time")
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="workers are found in /proc")
+def test_a_killed_worker_and_a_bad_seed_cost_one_seed_each(model: Model) -> None:
+    folder = Path("crowd")
+    (folder / "avatar_5.glb").mkdir(parents=True)  # seed 5 has nowhere to be written
+    words = ["--seeds", "0:6", "--jobs", "2", "--out", "crowd", *model.options]
+    with subprocess.Popen(command(*words), env=outside(), stdout=-1, stderr=-1, text=True) as run:
+        wait_for(lambda: (folder / NAME).exists() and len(rows(folder)) >= 1)
+        victim = wait_for(lambda: [child for child in children(run.pid) if is_worker(child)])[0]
+        os.kill(victim, signal.SIGKILL)
+        out, err = run.communicate()
+    found = {row["seed"]: row for row in rows(folder)}
+    failed = {seed: row["error"] for seed, row in found.items() if row["error"] is not None}
+
+    assert (run.returncode, out) == (2, "")
+    assert set(found) == set(range(6))
+    assert "cannot write crowd/avatar_5.glb" in failed.pop(5)
+    assert list(failed.values()) == ["its worker died (killed by signal 9)"]
+    assert err.splitlines()[-1].startswith("avatar-export: 2 of 6 seeds failed (")
+    for seed, row in found.items():
+        if row["error"] is None:
+            check_row(folder, seed, row)
+
+    (folder / "avatar_5.glb").rmdir()
+    before = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.glb")}
+    again = subprocess.run(command(*words), env=outside(), capture_output=True, text=True)
+    assert (again.returncode, again.stdout) == (0, "crowd/manifest.jsonl\n"), again.stderr
+    assert "crowd: 6 avatars, 2 of them made now" in again.stderr
+    last = {row["seed"]: row for row in rows(folder)}
+    for seed in range(6):
+        check_row(folder, seed, last[seed])
+    assert {name: (folder / name).stat().st_mtime_ns for name in before} == before
+    assert sorted(path.suffix for path in folder.iterdir()) == [".glb"] * 6 + [".json", ".jsonl"]
+
+    one = [*model.options, "--seed", "4", "--out", "one.glb"]
+    assert avatar_export.main(one) == 0
+    assert Path("one.glb").read_bytes() == (folder / "avatar_4.glb").read_bytes()
+
+
+def check_row(folder: Path, seed: int, row: dict) -> None:
+    """The file is whole, the seed's own, and what its row says."""
+    data = (folder / row["file"]).read_bytes()
+    document: Any = pygltflib.GLTF2.load_from_bytes(data)
+    assert document.asset.extras["seed"] == seed
+    assert hashlib.sha256(data).hexdigest() == row["sha256"]
+    assert row["bytes"] == len(data)
+    assert abs(row["faces"] - 2000) <= 40
+    assert 0 < row["error_mm"]["mean"] <= row["error_mm"]["p99"] <= row["error_mm"]["max"]
+    assert row["seconds"] > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--seeds", "0:4"], "found --seeds, which wants --out FOLDER"),
+        (["--seeds", "0:4", "--out", "a", "--report", "r.json"], "takes neither --report nor --preview"),
+        (["--seeds", "4:4", "--out", "a"], "--seeds: found '4:4', wanted A:B with A < B"),
+        (["--seeds", "0:99999999999", "--out", "a"], "at most 1000000 seeds"),
+        (["--seeds", "-1:4", "--out", "a"], "--seeds"),
+        (["--seeds", "0:4", "--seed", "3", "--out", "a"], "required: --seed or --seeds, one of them"),
+        (["--seed", "3", "--jobs", "2"], "found --jobs with one seed"),
+        (["--seeds", "0:4", "--out", "file"], "cannot write file/manifest.jsonl"),
+        (["--seeds", "0:4", "--out", "a", "--weights", "none"], "found no file none"),
+    ],
+)
+def test_bad_options_are_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("file").write_bytes(b"mine")
+    assert avatar_export.main(words) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert line in err
+    assert os.listdir() == ["file"]
+
+
+def test_bad_weights_are_told_once_and_no_seed_is_tried(
+    model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("noise").write_bytes(b"noise" * 100)
+    words = ["--seeds", "0:4", "--out", "a", *model.options, "--weights", "noise"]
+    assert avatar_export.main(words) == 2
+    assert "noise is no whole safetensors file" in capsys.readouterr().err
+    assert rows(Path("a")) == []
+
+
+def row(seed: int, **values: object) -> Row:
+    return Row(seed=seed, **values)  # pyright: ignore[reportArgumentType]
+
+
+def add(folder: Path, *added: Row) -> None:
+    with open_manifest(folder, SETTINGS) as manifest:
+        for each in added:
+            manifest.add(each)
+
+
+def test_manifest_keeps_rows_and_cuts_off_half_a_line(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "crowd"
+    add(folder, row(0, error="bad"), row(1, file="a.glb", sha256="0" * 64), row(0, file="b.glb"))
+    whole = (folder / NAME).read_bytes()
+    for cut in range(1, 40):
+        (folder / NAME).write_bytes(whole + whole[:cut])
+        with open_manifest(folder, SETTINGS) as manifest:
+            assert (folder / NAME).read_bytes() == whole
+            assert manifest.rows[0] == row(0, file="b.glb")
+            assert set(manifest.rows) == {0, 1}
+
+
+def test_only_files_that_are_there_as_written_are_done(tmp_path: Path) -> None:
+    sound = hashlib.sha256(b"sound").hexdigest()
+    (tmp_path / "a.glb").write_bytes(b"sound")
+    (tmp_path / "b.glb").write_bytes(b"torn")
+    names = [("a.glb", None), ("b.glb", None), ("none.glb", None), ("a.glb", "failed"), (None, None)]
+    add(tmp_path, *(row(i, file=n, sha256=sound, error=e) for i, (n, e) in enumerate(names)))
+    with open_manifest(tmp_path, SETTINGS) as manifest:
+        assert [manifest.holds(seed) for seed in range(6)] == [True, False, False, False, False, False]
+
+
+@pytest.mark.parametrize(
+    "line", ["x", "[]", "{}", '{"seed": 1}', "[" * 100_000, json.dumps(asdict(Row(seed=1)) | {"file": 3})]
+)
+def test_a_damaged_manifest_is_refused_and_kept(tmp_path: Path, line: str) -> None:
+    (tmp_path / NAME).write_text(line + "\n")
+    with pytest.raises(InputError, match="line 1 is no row"), open_manifest(tmp_path, SETTINGS):
+        pass
+    assert (tmp_path / NAME).read_text() == line + "\n"
+
+
+def test_other_settings_and_two_runs_at_once_are_refused(tmp_path: Path) -> None:
+    add(tmp_path, row(0))
+    with pytest.raises(InputError, match="other settings"), open_manifest(tmp_path, {"faces": 8}):
+        pass
+    with (
+        open_manifest(tmp_path, SETTINGS),
+        pytest.raises(InputError, match="another run"),
+        open_manifest(tmp_path, SETTINGS),
+    ):
+        pass
+
+
+def test_workers_that_cannot_start_end_the_run() -> None:
+    process = export_many.SPAWN.Process(target=os._exit, args=(3,))
+    process.start()
+    here, there = export_many.SPAWN.Pipe()
+    there.close()
+    with pytest.raises(AvatarGenError, match=r"before its first seed \(status 3\)"):
+        bury(Worker(process, here))
