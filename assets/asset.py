@@ -58,6 +58,7 @@ class PlainAsset:
     faces: Int64[np.ndarray, "F 3"]
     info: AssetInfo
     welded: Int64[np.ndarray, " W"] | None = None  # each vertex's number before the seams split it
+    canonical: Float32[np.ndarray, "W 3"] | None = None  # metres, where the fields have each vertex
     report: Report | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:

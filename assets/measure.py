@@ -43,17 +43,34 @@ def surface_error(surface: Surface, sdf: Field, config: MeasureConfig | None = N
     config = config or MeasureConfig()
     face, barycentric = sample_surface(surface, config.samples, config.seed)
     points = points_on(surface, face, barycentric)
-    distance, lost = distance_to_zero(points, sdf, config.step)
-    if lost.any():
-        normals = face_normals(surface)[face[lost]]
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-        distance[lost] = np.minimum(distance[lost], distance_along(points[lost], normals, sdf))
-    distance = 1000 * distance
+    distance = 1000 * distances(points, face_normals(surface)[face], sdf, config.step)
     return SurfaceError(
         mean_mm=float(distance.mean()),
         p99_mm=float(np.quantile(distance, 0.99)),
         max_mm=float(distance.max()),
     )
+
+
+def face_errors(surface: Surface, sdf: Field, step: float = MeasureConfig.step) -> Float64[np.ndarray, " F"]:
+    """Distance from the middle of each face to the zero level of `sdf`, millimetres.
+
+    Raises:
+        FieldError: the field is NaN or infinite.
+    """
+    middles = surface.vertices[surface.faces].mean(axis=1)
+    return 1000 * distances(middles, face_normals(surface), sdf, step)
+
+
+def distances(
+    points: Float64[np.ndarray, "N 3"], normals: Float64[np.ndarray, "N 3"], sdf: Field, step: float
+) -> Float64[np.ndarray, " N"]:
+    """Distance to the zero level along the field's gradient or, where that leads nowhere, along the normal,
+    metres."""
+    distance, lost = distance_to_zero(points, sdf, step)
+    if lost.any():
+        along = normals[lost] / np.maximum(np.linalg.norm(normals[lost], axis=1, keepdims=True), 1e-300)
+        distance[lost] = np.minimum(distance[lost], distance_along(points[lost], along, sdf))
+    return distance
 
 
 def sample_surface(

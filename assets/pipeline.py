@@ -183,6 +183,7 @@ def plain_asset(avatar: AvatarFields, shape: Shape, report: Report) -> PlainAsse
         faces=shape.surface.faces if shape.atlas is None else shape.atlas.faces,
         info=asset_info(avatar),
         welded=welded,
+        canonical=shape.surface.vertices[welded].astype(np.float32),
         report=report,
     )
 

@@ -54,8 +54,7 @@ def posed(asset: Asset, rotations: Float[np.ndarray, "J 3"], on_ground: bool = T
     lift = np.array([0.0, -vertices[:, 1].min() if on_ground else 0.0, 0.0])
     normals = np.einsum("wab,wb->wa", blended, asset.normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    T_world_joint = skeleton.T_world_joint.copy()
-    T_world_joint[:, :3, :3] = turns @ T_world_joint[:, :3, :3]
+    T_world_joint = skeleton.T_world_joint.copy()  # the axes stay: a rest pose is baked
     T_world_joint[:, :3, 3] = places + lift
     return replace(
         asset,

@@ -77,6 +77,11 @@ COMMANDS = (
         function="avatargen.commands.check:main",
     ),
     Command(
+        words=("view",),
+        summary="look at people in the browser: seeds, poses, weights, error, downloads",
+        function="avatargen.commands.view:main",
+    ),
+    Command(
         words=("survey",),
         summary="build many seeds: table of errors, contact sheet, files",
         function="avatargen.commands.survey:main",
