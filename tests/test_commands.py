@@ -186,6 +186,20 @@ def test_interruption_runs_every_finally(sent: signal.Signals, status: int) -> N
     assert process.returncode == status
 
 
+def test_a_library_that_changes_the_exit_of_a_signal_does_not_change_the_status() -> None:
+    def load() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except SystemExit as error:
+            raise ImportError("cannot load") from error
+
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert run_command("test", load) == 143
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def test_progress_is_silent_in_a_pipe_and_seen_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

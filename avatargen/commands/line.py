@@ -32,7 +32,13 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     # Read when torch loads: threads that wait for work sleep; spinning, a busy machine made them four
     # times as slow.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    signal.signal(signal.SIGTERM, terminate)
+    received: list[int] = []
+
+    def stop(signum: int, frame: object) -> NoReturn:
+        received.append(signum)
+        terminate(signum, frame)
+
+    signal.signal(signal.SIGTERM, stop)
     try:
         command()
         sys.stdout.flush()
@@ -46,6 +52,10 @@ def run_command(program: str, command: Callable[[], None]) -> int:
         return complain(program, "interrupted; nothing was written", status=128 + signal.SIGINT)
     except BrokenPipeError:  # the reader of standard output has left; the work is done all the same
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except Exception:  # a library that is loading makes an error of its own out of the exit
+        if not received:
+            raise
+        return 128 + received[-1]
     return 0
 
 
