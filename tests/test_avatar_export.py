@@ -204,7 +204,7 @@ def test_clips_motion_files_names_and_sliders(model: Model, capsys: pytest.Captu
     ("arguments", "line"),
     [
         (["--clip", "walk", "--clip", "walk"], "found animations walk, walk; give each once"),
-        (["--format", "stl", "--clip", "walk"], "this format holds no skeleton; leave out --clip"),
+        (["--format", "stl", "--clip", "walk"], "what is made holds no skeleton (mesh); leave out --clip"),
         (["--motion", "noise.npz"], "motion: noise.npz is no whole .npz file"),
         (["--format", "fbx"], "--format: found 'fbx', wanted one of glb"),
         (["--format", "../x"], "--format: found '../x', wanted one of glb"),

@@ -147,3 +147,12 @@ def test_the_command_writes_tables_a_plot_and_curves(tmp_path, monkeypatch, caps
     assert len(curve["surfaces"]) == 4
     assert (out / "bench.png").read_bytes()[:4] == b"\x89PNG"
     assert (out / "bench.md").read_text().count("\n| ---") == 5
+
+
+def test_the_scenes_are_measured(tmp_path) -> None:
+    assert bench.main(["--out", str(tmp_path), "--quick", "--scenes", "--seeds", "4"]) == 0
+    (row,) = json.loads((tmp_path / "scenes.json").read_text())
+    assert row["scene"] == "crowd"
+    assert row["left_out"][0] == "idle joints"
+    assert abs(row["faces"] - 2000) <= 40
+    assert "| crowd | one of hundreds" in (tmp_path / "scenes.md").read_text()

@@ -122,7 +122,7 @@ def test_help_names_the_settings_own_defaults(capsys: pytest.CaptureFixture[str]
     text = " ".join(capsys.readouterr().out.split("the asset:")[1].split())
     config = BuildConfig()
     for name in ("faces", "texture", "resolution", "pose"):
-        assert f"(default: {getattr(config, name)})" in text.split(f"--{name} ")[1].split("--")[0]
+        assert f"(default: {getattr(config, name)}" in text.split(f"--{name} ")[1].split("--")[0]
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,14 @@ Only what `--help` and bad arguments need is imported here; `export_run` brings 
 import argparse
 import sys
 from argparse import ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from avatargen import __version__
 from avatargen.atomic import check_writable
 from avatargen.commands.line import OneLineParser, positive_number, run_command, whole_number
 from avatargen.commands.progress import progress_line
+from avatargen.commands.scenes import DEFAULT, SCENES
 from avatargen.errors import InputError
 
 PROGRAM = "avatar-export"
@@ -32,6 +33,8 @@ examples:
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
+  avatar-export --seed 3 --scene print
+  avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
 """
 
@@ -82,24 +85,53 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         help="also write sizes, seconds per stage and error in millimetres",
     )
     add("--preview", type=Path, metavar="FILE.png", help="also write a picture of the avatar")
+    add("--dry-run", action="store_true", help="say what would be done and left out, and stop")
     shape = parser.add_argument_group("the asset")
+    shape.add_argument(
+        "--scene",
+        choices=tuple(SCENES),
+        default=DEFAULT,
+        help=f"what it is for: sets format, resolution, faces, texture and content (default: {DEFAULT})",
+    )
+    shape.add_argument(
+        "--tolerance",
+        type=quantity("mm"),
+        metavar="0.5mm",
+        help="cheapest resolution and faces that keep 99 %% of the surface within it",
+    )
+    shape.add_argument(
+        "--budget",
+        type=quantity("s"),
+        metavar="5s",
+        help="most exact resolution and faces for so many seconds in all",
+    )
+    shape.add_argument(
+        "--content",
+        choices=("mesh", "textured", "rigged"),
+        help="how much to make (default: as much as scene and format hold)",
+    )
+    shape.add_argument(
+        "--joints",
+        choices=("all", "moving"),
+        help="moving: drop joints that move no vertex (default: all)",
+    )
     shape.add_argument(
         "--faces",
         type=whole_number(100, 2_000_000),
         metavar="N",
-        help="triangles wanted, kept within 2 %% (default: 20000)",
+        help=f"triangles wanted, kept within 2 %% (default: {SCENES[DEFAULT].faces}, or by --scene)",
     )
     shape.add_argument(
         "--texture",
         type=whole_number(16, 8192),
         metavar="N",
-        help="width and height of the texture (default: 1024)",
+        help=f"width and height of the texture (default: {SCENES[DEFAULT].texture}, or by --scene)",
     )
     shape.add_argument(
         "--resolution",
         type=whole_number(32, 2048),
         metavar="N",
-        help="fineness the field is sampled at (default: 512)",
+        help=f"fineness the field is sampled at (default: {SCENES[DEFAULT].resolution}, or by --scene)",
     )
     shape.add_argument(
         "--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a); vrm wants t"
@@ -114,7 +146,13 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     )
     model.add_argument("--device", default="cpu", metavar="NAME", help="cpu or cuda (default: cpu)")
     parser.add_argument("--version", action="version", version=f"avatargen {__version__}")
-    return parser.parse_args(arguments)
+    given = parser.parse_args(arguments)
+    chosen = [name for name in ("tolerance", "budget") if getattr(given, name) is not None]
+    fixed = [name for name in ("resolution", "faces") if getattr(given, name) is not None]
+    if len(chosen) > 1 or (chosen and fixed):
+        names = " and ".join(f"--{name}" for name in [*chosen, *fixed])
+        raise InputError(f"found {names}; --tolerance and --budget choose, so give one of them alone")
+    return given
 
 
 def add_rig_options(group: argparse._ArgumentGroup) -> None:
@@ -179,8 +217,9 @@ def export_avatar(given: Namespace) -> None:
         from avatargen.commands.export_run import run
 
         closing = run(given, path, show)
-    print(closing, file=sys.stderr)
-    print(path)
+    print(closing, file=sys.stdout if given.dry_run else sys.stderr)
+    if not given.dry_run:
+        print(path)
 
 
 def export_folder(given: Namespace) -> None:
@@ -191,6 +230,8 @@ def export_folder(given: Namespace) -> None:
     """
     if given.out is None or given.report is not None or given.preview is not None:
         raise InputError("found --seeds, which wants --out FOLDER and takes neither --report nor --preview")
+    if given.dry_run or given.budget is not None:
+        raise InputError("found --seeds with --dry-run or --budget; both are for one seed, so give --seed")
     check_sources(given)
     from avatargen.commands.export_many import export_many
     from avatargen.commands.manifest import NAME
@@ -227,10 +268,25 @@ def format_name(text: str) -> str:
     return name
 
 
+def quantity(unit: str) -> Callable[[str], float]:
+    """An argument type: a positive number, with or without its unit."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text.strip().removesuffix(unit))
+        except ValueError:
+            value = 0.0
+        if not 0 < value < 1e6:
+            raise ArgumentTypeError(f"found {text!r}, wanted a positive number such as 0.5{unit}")
+        return value
+
+    return read
+
+
 def output_path(given: Namespace) -> Path:
     """Where the asset goes: --out and --format must agree, and each can stand in for the other."""
     if given.out is None:
-        return Path(f"avatar_{given.seed}.{given.format or 'glb'}")
+        return Path(f"avatar_{given.seed}.{given.format or SCENES[given.scene].format}")
     if given.out.suffix.lower().removeprefix(".") not in FORMATS:
         raise InputError(f"found --out {given.out}, wanted a name that ends in one of .{', .'.join(FORMATS)}")
     if given.format is not None and given.out.suffix.lower() != f".{given.format}":

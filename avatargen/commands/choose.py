@@ -57,6 +57,10 @@ class Curves:
             )
         return sorted(found, key=lambda choice: choice.seconds)
 
+    @property
+    def most_faces(self) -> int:
+        return max(row["faces"] for row in self.surfaces)
+
     def texture_seconds(self, size: int) -> float:
         """Baking and encoding, in proportion to the texels between measured sizes."""
         return self.texture_cost(size, lambda row: sum(row["seconds"].values()))
@@ -80,14 +84,14 @@ class Curves:
 
 
 def load_curves(path: Path, avatar: Any) -> Curves:
-    """The measured curves, scaled by how fast the avatar's field answers here.
+    """The measured curves, scaled by how fast the avatar's field answers here (None: not scaled).
 
     Raises:
         InputError: the file is missing or damaged.
     """
     try:
         data = json.loads(path.read_text())
-        scale = measure_speed(avatar) / data["field_us"]
+        scale = 1.0 if avatar is None else measure_speed(avatar) / data["field_us"]
         return Curves(surfaces=tuple(data["surfaces"]), textures=tuple(data["textures"]), scale=scale)
     except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError) as error:
         raise InputError(

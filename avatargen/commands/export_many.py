@@ -23,6 +23,7 @@ from avatargen import __version__
 from avatargen.commands.line import terminate
 from avatargen.commands.manifest import NAME, Row, open_manifest
 from avatargen.commands.progress import Show
+from avatargen.commands.scenes import SCENES
 from avatargen.errors import AvatarGenError, InputError
 
 SETTINGS = (
@@ -92,7 +93,7 @@ def settings_of(given: Namespace) -> dict[str, object]:
     plain: dict[str, object] = {name: getattr(given, name) for name in SETTINGS}
     plain |= {name: digest(path) for name in FILES if (path := getattr(given, name)) is not None}
     plain["motion"] = {path.stem: digest(path) for path in given.motion}
-    return plain | {"version": __version__, "format": given.format or "glb"}
+    return plain | {"version": __version__, "format": given.format or SCENES[given.scene].format}
 
 
 def digest(path: Path) -> str:

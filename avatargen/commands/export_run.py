@@ -16,18 +16,22 @@ import avatargen
 from assets import Asset, BuildConfig, PlainAsset, animate, build_content
 from assets.asset import Report
 from assets.names import rename_joints
+from assets.plan import CONTENTS, Content
 from assets.preview import render
 from avatargen.atomic import check_writable, write_together
-from avatargen.avatar import AvatarSampler
+from avatargen.avatar import Avatar, AvatarSampler
 from avatargen.body.pose import load_pose
+from avatargen.commands.fitting import Fit, build_fitted, describe, savings, wish_of
 from avatargen.commands.motions import finish_motions, load_motions, motion_facts, tell_of_bad_frames
 from avatargen.commands.progress import Show
+from avatargen.commands.scenes import SCENES
 from avatargen.errors import InputError
 from avatargen.motion.motion import Motion
 from exporters import Format, encode, files_of, find_format
 from exporters.png import encode_png
 
 STARTED = time.perf_counter()
+DEFAULT_FACES = 20_000  # of a scene that keeps all, where charts are wanted after all
 NAMED_POSES = ("x", "t", "a")
 # of the work, that lies behind when a stage begins
 SHARES = {
@@ -78,6 +82,8 @@ class Made:
     report: Report
     settings: BuildConfig
     motions: tuple[Motion, ...]
+    avatar: Avatar
+    fit: Fit | None  # where settings were chosen
 
 
 def run(given: Namespace, path: Path, show: Show) -> str:
@@ -89,6 +95,8 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     for beside in files_of(path)[1:]:
         check_writable(beside)
     wanted = find_format(path)
+    if given.dry_run:
+        return describe(build_settings(given, wanted), wish_of(given), path.name)
     clock = Clock(show, {"import": process_seconds()})
     with clock.stage("load"):
         workshop = open_workshop(given, wanted)
@@ -138,15 +146,19 @@ def make_avatar(workshop: Workshop, seed: int, clock: Clock) -> Made:
     given, settings = workshop.given, workshop.settings
     with clock.stage("sample"):
         avatar = workshop.generator.sample(seed)
-    asset, motions = build_content(avatar, settings, progress=clock.show_build), ()
-    report = asset.report
+    fit, wish = None, wish_of(given)
+    if wish:
+        fit = build_fitted(avatar, settings, wish, process_seconds(), clock.show_build)
+    settings = fit.settings if fit else settings
+    asset = fit.asset if fit else build_content(avatar, settings, progress=clock.show_build)
+    report, motions = asset.report, ()
     assert report is not None  # only assets that were not built have none
     clock.seconds.update(report.seconds)
     if isinstance(asset, Asset):
         with clock.stage("animate"):
             motions = finish_motions(given, workshop.motions, asset)
             asset = rename_joints(animate(asset, motions, settings.on_ground), given.names)
-    return Made(asset=asset, report=report, settings=settings, motions=motions)
+    return Made(asset=asset, report=report, settings=settings, motions=motions, avatar=avatar, fit=fit)
 
 
 def require_device(name: str) -> None:
@@ -159,11 +171,16 @@ def require_device(name: str) -> None:
 
 
 def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
-    """The options given, over BuildConfig's own defaults; a pose file follows when the body is known.
+    """The options given, over the scene's; a pose file follows when the body is known.
 
     Only what the format can hold is built, in the rest pose that it must have.
     """
-    options = {name: getattr(given, name) for name in ("faces", "texture", "resolution")}
+    scene = SCENES[given.scene]
+    held = CONTENTS.index(wanted.content) >= CONTENTS.index(scene.content)
+    content: Content = given.content or (scene.content if held else wanted.content)
+    if CONTENTS.index(content) > CONTENTS.index(wanted.content):
+        raise InputError(f"found --content {content}, but this format holds at most {wanted.content}")
+    options = {name: getattr(given, name) for name in ("faces", "texture", "resolution", "joints")}
     named = given.pose.lower() if given.pose is not None and given.pose.lower() in NAMED_POSES else None
     if given.pose is not None and named is None and not Path(given.pose).is_file():
         raise InputError(
@@ -174,14 +191,20 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
             f"found --pose {given.pose}, but this format rests in pose {wanted.rest_pose}; leave --pose out"
         )
     options["pose"] = wanted.rest_pose or named
-    options["content"] = wanted.content
     options["morphs"] = given.morphs
-    if wanted.content != "rigged" and (given.clip or given.motion or given.morphs or given.names != "smpl"):
+    if content != "rigged" and (given.clip or given.motion or given.morphs or given.names != "smpl"):
         raise InputError(
-            "found options of the rig, but this format holds no skeleton; leave out --clip, --motion, "
-            "--morphs and --names, or choose glb, vrm or usdz"
+            f"found options of the rig, but what is made holds no skeleton ({content}); leave out --clip, "
+            "--motion, --morphs and --names, or choose glb, vrm or usdz and a scene that moves"
         )
-    return BuildConfig(**{name: value for name, value in options.items() if value is not None})
+    base = BuildConfig(
+        content=content,
+        resolution=scene.resolution,
+        faces=scene.faces if content == "mesh" else scene.faces or DEFAULT_FACES,
+        texture=scene.texture,
+        joints=scene.joints,
+    )
+    return dataclasses.replace(base, **{name: value for name, value in options.items() if value is not None})
 
 
 def with_pose(config: BuildConfig, pose: str | None, joint_count: int) -> BuildConfig:
@@ -213,9 +236,11 @@ def make_report(
         "bytes": size,
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm, "max": error.max_mm},
-        "left_out": [{"what": item.what, "why": item.why} for item in made.report.left_out],
+        "left_out": savings(made.report.left_out, config, made.avatar),
+        "fit": made.fit.facts(wish_of(given), seconds["total"]) if made.fit else None,
         "animations": [motion_facts(motion) for motion in made.motions],
         "settings": {
+            "scene": given.scene,
             "resolution": config.resolution,
             "faces": config.faces,
             "texture": config.texture,

@@ -8,6 +8,7 @@ from argparse import Namespace
 from avatargen.atomic import write_together
 from avatargen.commands.export_run import Clock, make_avatar, open_workshop
 from avatargen.commands.manifest import Row
+from avatargen.commands.scenes import SCENES
 from avatargen.errors import AvatarGenError
 from exporters import encode, find_format
 
@@ -20,7 +21,7 @@ class SeedExporter:
 
     def __init__(self, given: Namespace) -> None:
         warnings.simplefilter("ignore")
-        self.given, self.format = given, given.format or "glb"
+        self.given, self.format = given, given.format or SCENES[given.scene].format
         self.workshop = open_workshop(given, find_format(f"avatar.{self.format}"))
 
     def export(self, seed: int) -> Row:

@@ -112,4 +112,4 @@ def draw_steps(axes: Any, mapping: Sequence[MappingRow], rays: Sequence[RayRow])
 
 def label(axes: Any, text: str, x: float, y: float) -> None:
     """A word below a point."""
-    axes.annotate(text, (x, y), xytext=(-4, -13), textcoords="offset points", fontsize=8)
+    axes.annotate(text, (x, y), ha="center", xytext=(0, 7), textcoords="offset points", fontsize=8)

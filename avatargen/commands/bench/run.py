@@ -3,7 +3,7 @@
 import json
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,6 +60,10 @@ class Options:
     """People that are measured; the tables hold medians."""
     weights: Path | None = None
     """Other weights than those that come with the package."""
+    grid: Grid = field(default_factory=Grid)
+    """What is swept, where the run is not quick."""
+    scenes: bool = False
+    """Build avatar-export's scenes instead, on the first seed; write scenes.md and scenes.json."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,10 +97,13 @@ def run(options: Options) -> None:
 
     if not options.seeds:
         raise InputError("found no seeds to measure; give one or more")
+    if options.scenes:
+        run_scenes(options)
+        return
     plot.require_matplotlib()
     options.out.mkdir(parents=True, exist_ok=True)
     check_writable(options.out / "bench.json")
-    grid = QUICK if options.quick else Grid()
+    grid = QUICK if options.quick else options.grid
     seeds = options.seeds[:1] if options.quick else options.seeds
     generator = avatargen.load_generator(options.weights)
     found = measure(generator, seeds, grid)
@@ -113,6 +120,25 @@ def run(options: Options) -> None:
         ]
     )
     print(options.out / "bench.md")
+
+
+def run_scenes(options: Options) -> None:
+    """Build the scenes; a quick run takes the smallest alone."""
+    import torch
+
+    import avatargen
+    from avatargen.atomic import write_together
+    from avatargen.commands.bench.scenes import measure_scenes, scene_page
+    from avatargen.commands.scenes import SCENES
+
+    torch.set_num_threads(1)  # so that processor seconds are those of the clock on an idle machine
+    options.out.mkdir(parents=True, exist_ok=True)
+    names = ("crowd",) if options.quick else tuple(SCENES)
+    rows = list(measure_scenes(avatargen.load_generator(options.weights), options.seeds[0], names))
+    data = json.dumps([asdict(row) for row in rows], indent=1).encode() + b"\n"
+    page = scene_page(rows).encode()
+    write_together([(options.out / "scenes.json", data), (options.out / "scenes.md", page)])
+    print(options.out / "scenes.md")
 
 
 def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Results:

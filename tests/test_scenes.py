@@ -1,0 +1,160 @@
+"""Scenes, content, tolerance and budget of avatar-export: chosen as measured, reported as it went."""
+
+import json
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from avatargen.commands import avatar_export, choose, export_run
+from avatargen.commands.scenes import SCENES
+from exporters import find_format
+
+CURVES = {
+    "field_us": 1.0,
+    "surfaces": [
+        {
+            "resolution": 64,
+            "faces": 500,
+            "seconds": {"extract": 1.0, "simplify": 0.0, "atlas": 0.5},
+            "p99_mm": 20.0,
+        },
+        {
+            "resolution": 96,
+            "faces": 2000,
+            "seconds": {"extract": 2.0, "simplify": 0.0, "atlas": 1.0},
+            "p99_mm": 4.9,
+        },
+        {
+            "resolution": 128,
+            "faces": 4000,
+            "seconds": {"extract": 3.0, "simplify": 0.0, "atlas": 2.0},
+            "p99_mm": 2.0,
+        },
+    ],
+    "textures": [
+        {"size": 32, "seconds": {"bake": 0.1, "encode": 0.1}, "bytes": 1000},
+        {"size": 64, "seconds": {"bake": 0.4, "encode": 0.4}, "bytes": 4000},
+    ],
+}
+
+
+@pytest.fixture
+def curves(tmp_path, monkeypatch) -> None:
+    """Made-up curves on a machine as fast as the bench's."""
+    path = tmp_path / "curves.json"
+    path.write_text(json.dumps(CURVES))
+    monkeypatch.setattr("avatargen.commands.fitting.shipped", lambda name: path)
+    monkeypatch.setattr(choose, "measure_speed", lambda avatar: 1.0)
+
+
+def export(tmp_path: Path, *options: str) -> dict:
+    """The report of an export that must succeed."""
+    report = tmp_path / "report.json"
+    arguments = ["--seed", "4", "--out", str(tmp_path / "person.glb"), "--report", str(report), *options]
+    assert avatar_export.main(arguments) == 0
+    return json.loads(report.read_text())
+
+
+def test_every_scene_has_settings_that_its_format_holds() -> None:
+    for name, scene in SCENES.items():
+        given = avatar_export.parse(["--seed", "1", "--scene", name])
+        path = avatar_export.output_path(given)
+        assert path.suffix == f".{scene.format}"
+        config = export_run.build_settings(given, find_format(path))
+        assert (config.content, config.resolution, config.faces) == (
+            scene.content,
+            scene.resolution,
+            scene.faces,
+        )
+
+
+def test_options_go_before_the_scene_and_the_format_limits_both() -> None:
+    given = avatar_export.parse(["--seed", "1", "--scene", "hero", "--faces", "900", "--format", "stl"])
+    config = export_run.build_settings(given, find_format("a.stl"))
+    assert (config.faces, config.resolution, config.content) == (900, SCENES["hero"].resolution, "mesh")
+    given = avatar_export.parse(["--seed", "1", "--scene", "print", "--format", "glb", "--content", "rigged"])
+    assert export_run.build_settings(given, find_format("a.glb")).faces == 20_000
+
+
+def test_the_shipped_curves_choose_finer_settings_for_smaller_errors() -> None:
+    curves = choose.load_curves(Path(choose.__file__).parents[1] / "pretrained" / "curves.json", None)
+    choices = curves.choices(1024)
+    errors = [choose.within_tolerance(choices, limit)[0].p99_mm for limit in (8.0, 2.0, 1.0)]
+    assert errors == sorted(errors, reverse=True)
+    least, most = choices[0].seconds, choices[-1].seconds
+    found = [choose.within_budget(choices, 1.2 * s).p99_mm for s in (least, (least + most) / 2, most)]
+    assert found == sorted(found, reverse=True)
+
+
+@pytest.mark.usefixtures("curves")
+def test_a_statue_is_a_closed_mesh_and_nothing_else(tmp_path) -> None:
+    path = tmp_path / "statue.stl"
+    report = export(tmp_path, "--out", str(path), "--scene", "print", "--resolution", "64")
+    mesh = trimesh.load(path)
+    assert isinstance(mesh, trimesh.Trimesh)
+    assert mesh.is_volume
+    assert len(mesh.faces) == report["faces"]
+    assert not {"atlas", "bake", "simplify"} & set(report["seconds"])
+    saved = {item["what"]: item for item in report["left_out"]}
+    assert saved["colours"]["seconds_saved"] == pytest.approx(0.8)
+    assert saved["colours"]["bytes_saved"] == 4000
+    assert saved["texture coordinates"]["seconds_saved"] == 2.0
+
+
+@pytest.mark.usefixtures("curves")
+def test_a_tolerance_takes_the_cheapest_and_goes_on_until_it_is_kept(tmp_path) -> None:
+    kept = export(tmp_path, "--tolerance", "25mm", "--texture", "32")
+    assert kept["settings"]["faces"] == 500
+    assert kept["fit"]["tries"] == 1
+    assert kept["fit"]["predicted"]["p99_mm"] == 20.0
+    assert kept["fit"]["achieved"]["p99_mm"] == kept["error_mm"]["p99"] <= 25
+    missed = export(tmp_path, "--tolerance", "0.5mm", "--texture", "32")
+    assert missed["settings"]["faces"] == 4000
+    assert missed["fit"]["achieved"]["p99_mm"] > 0.5
+
+
+@pytest.mark.usefixtures("curves")
+def test_a_budget_takes_the_best_that_has_room(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(export_run, "process_seconds", lambda: 2.0)
+    report = export(tmp_path, "--budget", "6s", "--texture", "32")
+    assert report["settings"]["faces"] == 2000
+    assert report["fit"]["predicted"]["seconds"] == pytest.approx(2.0 + 3.2)
+    (tmp_path / "person.glb").unlink()
+    assert avatar_export.main(["--seed", "4", "--budget", "3", "--out", str(tmp_path / "person.glb")]) == 2
+    assert "budget" in capsys.readouterr().err
+    assert not (tmp_path / "person.glb").exists()
+
+
+def test_a_dry_run_says_the_plan_and_writes_nothing(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("avatargen.load_generator", None)  # it is not needed
+    assert avatar_export.main(["--seed", "4", "--scene", "print", "--dry-run"]) == 0
+    said = capsys.readouterr().out
+    assert "stages: extract, clean, skin, measure, rest\n" in said
+    assert "left out: colours" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--tolerance=-1mm"], "positive"),
+        (["--tolerance", "soon"], "positive"),
+        (["--budget", "nan"], "positive"),
+        (["--tolerance", "1mm", "--budget", "5s"], "alone"),
+        (["--tolerance", "1mm", "--faces", "500"], "alone"),
+        (["--scene", "opera"], "opera"),
+        (["--format", "stl", "--content", "rigged"], "at most mesh"),
+        (["--scene", "still", "--clip", "walk"], "skeleton"),
+        (["--seeds", "1:3", "--out", "many", "--budget", "9s"], "one seed"),
+    ],
+)
+def test_wishes_that_make_no_sense(options, words, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    seed = [] if "--seeds" in options else ["--seed", "4"]
+    assert avatar_export.main([*seed, *options]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
