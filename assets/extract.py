@@ -46,7 +46,6 @@ class ExtractConfig:
     audit: int = 2000  # skipped cells checked at each level
     attempts: int = 4
     widen: float = 1.6  # growth of the band after a failed audit
-    # one more question a vertex, to bring it from the straight line's zero to the field's
     seed: int = 0
 
     def __post_init__(self) -> None:

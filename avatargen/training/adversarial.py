@@ -142,8 +142,8 @@ def train(
     weights = start.generator.state_dict() if start else None
     state = new_state(config, networks, label_size, accelerator.device, weights)
     if start is None:
-        for network in (state.generator, state.average):
-            fit_reach(network.decoder, canonical_body(body))
+        fit_reach(state.generator.decoder, canonical_body(body))
+        state.average.load_state_dict(state.generator.state_dict())
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
     if main:
