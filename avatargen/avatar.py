@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
@@ -54,12 +55,15 @@ class PersonField:
     table: Float[Tensor, "T C"]
     offset: Float[Tensor, "3"]  # metres from a point to where the generator's own body has it
 
-    def hidden(self, points: Float[Tensor, "N 3"], body: BodyPoints) -> Float[Tensor, "1 N width"]:
-        """What the decoder's heads read at canonical points."""
+    def ask(
+        self, points: Float[Tensor, "N 3"], body: BodyPoints, heads: Literal["shape", "picture"]
+    ) -> Float[Tensor, "1 N outputs"]:
+        """A head of the decoder at canonical points."""
         points = points + self.offset
-        features = lookup_bilinear(self.table, self.generator.frame(points))
-        centered = self.generator.frame.centered(points)
-        return self.generator.decoder.hidden(features[None], self.w, centered[None], body)
+        generator = self.generator
+        features = lookup_bilinear(self.table, generator.frame(points))
+        x = generator.decoder.inputs(features[None], generator.frame.centered(points)[None], body)
+        return generator.decoder(x, points[None], self.w, heads)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,12 +87,12 @@ class Avatar:
         Raises:
             FieldError: a point or a value is NaN or infinite.
         """
-        decoder = self.field.generator.decoder
-        return self.evaluate(
-            points,
-            lambda hidden, body: decoder.signed_distance(hidden, self.field.w, body)[0],
-            "signed distance",
-        )
+
+        def distance(points: Tensor, body: BodyPoints) -> Tensor:
+            shape = self.field.ask(points, body, "shape")
+            return self.field.generator.decoder.signed_distance(shape, body.distance)[0]
+
+        return self.evaluate(points, distance, "signed distance")
 
     @torch.inference_mode()
     def color(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
@@ -97,14 +101,14 @@ class Avatar:
         Raises:
             FieldError: a point or a value is NaN or infinite.
         """
-        decoder = self.field.generator.decoder
-        colors = self.evaluate(
-            points, lambda hidden, body: decoder.picture_features(hidden, self.field.w)[0][0], "colour"
-        )
-        return colors.clamp(0, 1)
+
+        def color(points: Tensor, body: BodyPoints) -> Tensor:
+            return self.field.ask(points, body, "picture")[0, :, :3]
+
+        return self.evaluate(points, color, "colour").clamp(0, 1)
 
     def evaluate(self, points: Tensor, head: Callable[[Tensor, BodyPoints], Tensor], what: str) -> Tensor:
-        """Ask a head of the decoder at any number of points, in chunks; one body query serves each point."""
+        """Ask a head of the field at any number of points, in chunks; one body query serves each point."""
         device = self.field.w.device
         faces = torch.from_numpy(self.body.faces).to(device)
         parts = []
@@ -117,7 +121,7 @@ class Avatar:
                     vertices=near.vertices[:, part],
                     barycentric=near.barycentric[:, part],
                 )
-                parts.append(head(self.field.hidden(outer[part], body), body))
+                parts.append(head(outer[part], body))
         values = torch.cat(parts).to(points.device)
         if not torch.isfinite(values).all():
             raise FieldError(f"avatar: the {what} of seed {self.seed} is NaN or infinite; check the weights")

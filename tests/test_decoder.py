@@ -1,13 +1,16 @@
-"""Field decoder: starts as the body, matches a slow version, modulates per person, passes gradients."""
+"""Field decoder: starts as the body, matches a slow version, blends parts, passes gradients."""
 
 import pytest
 import torch
 
 from avatargen.errors import InputError
 from avatargen.generator.config import PRESETS
-from avatargen.generator.decoder import attach_gradient, encode, interpolate
+from avatargen.generator.decoder import Decoder, PartNetwork, ask, attach_gradient, encode, interpolate
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.generator.parts import Parts
 from tests.generators import capsule_canonical, debug_config, points_near_body, random_generator
+
+PARTS: Parts = (((0.0, 0.5, 0.0),), ((0.3, 0.0, 0.0), (-0.3, 0.0, 0.0)), ((0.0, -0.5, 0.0),))
 
 
 def test_the_untrained_field_is_the_body():
@@ -24,16 +27,16 @@ def test_the_untrained_field_is_the_body():
 
 
 def test_the_residual_keeps_its_limit():
-    generator = random_generator(residual_scale=100.0, residual_limit=0.2)
+    generator = random_generator(residual_scale=100.0, residual_limit=0.2, gated=False)
     points, body = points_near_body(500)
     w = torch.randn(1, 32)
     residual = generator.field(generator.planes(w), w, points, body)[0] - body.distance
     assert 0.1 < residual.abs().max() <= 0.2 + 1e-6
 
 
-@pytest.mark.parametrize("modulated", [True, False])
-def test_people_in_a_batch_are_people_alone(modulated: bool):
-    generator = random_generator(modulated=modulated).double()
+@pytest.mark.parametrize(("code_size", "parts"), [(8, PARTS), (8, ()), (0, PARTS), (0, ())])
+def test_people_in_a_batch_are_people_alone(code_size: int, parts: Parts):
+    generator = random_generator(code_size=code_size, parts=parts).double()
     points, body = points_near_body(64, people=3)
     points, w = points.double(), torch.randn(3, 32).double()
     planes = generator.planes(w)
@@ -46,14 +49,61 @@ def test_people_in_a_batch_are_people_alone(modulated: bool):
             assert torch.allclose(whole[one], part, atol=1e-9)
 
 
-def test_modulation_is_a_switch():
+def test_layers_of_ones_own_are_a_switch():
     points, body = points_near_body(100, people=2)
     w, planes = torch.randn(2, 32), torch.zeros(2, 3, 8, 16, 16)
-    for modulated in (True, False):
-        sdf = random_generator(modulated=modulated).field(planes, w, points, body)[0]
-        assert torch.equal(sdf[0], sdf[1]) == (
-            not modulated
-        )  # same planes: only the style can tell people apart
+    for code_size in (8, 0):
+        sdf = random_generator(code_size=code_size).field(planes, w, points, body)[0]
+        alike = torch.equal(sdf[0], sdf[1])  # same planes: only their own layers can tell people apart
+        assert alike == (code_size == 0)
+
+
+def test_parts_are_blended_by_their_shares():
+    decoder = random_generator(parts=PARTS).double().decoder
+    points = torch.rand(2, 400, 3, dtype=torch.float64) * 2 - 1
+    x, w = (
+        torch.randn(2, 400, 83, dtype=torch.float64)[..., : inputs_of(decoder)],
+        torch.randn(2, 32).double(),
+    )
+    assert decoder.shares is not None
+    share = decoder.shares(points)
+    every = torch.stack([ask(network, x, w, "both") for network in decoder.networks], dim=-2)
+    assert ((share > 0).sum(dim=-1) > 1).any()
+    assert torch.allclose(decoder(x, points, w), (every * share[..., None]).sum(dim=-2), atol=1e-12)
+    assert decoder(x[:, :0], points[:, :0], w).shape == (2, 0, 2 + decoder.config.features)
+
+
+def inputs_of(decoder: Decoder) -> int:
+    """How many numbers the networks read at each point."""
+    first = decoder.networks[0]
+    assert isinstance(first, PartNetwork)
+    return len(first.get_parameter("layers.0.weight"))
+
+
+def test_the_bodys_distance_can_be_taken_back():
+    generator = random_generator(residual_scale=0.0)
+    network = generator.decoder.networks[0]
+    with torch.no_grad():
+        network.get_parameter("geometry.bias")[1] = 100.0
+    points, body = points_near_body(300)
+    w = torch.zeros(1, 32)
+    sdf = generator.field(generator.planes(w), w, points, body)[0]
+    assert sdf.abs().max() < 1e-6
+
+
+def test_regions_give_a_point_one_of_the_persons_colours():
+    generator = random_generator(regions=4)
+    network = generator.decoder.networks[0]
+    with torch.no_grad():
+        for name in ("picture.weight", "picture.own.weight", "picture.own.bias", "palette.weight"):
+            network.get_parameter(name).zero_()
+        network.get_parameter("picture.bias").zero_()[-2] = 5.0  # the third region everywhere
+        network.get_parameter("palette.bias").copy_(torch.linspace(-3, 3, 12))
+    points, body = points_near_body(50)
+    w = torch.zeros(1, 32)
+    color = generator.field(generator.planes(w), w, points, body)[1]
+    wanted = torch.sigmoid(torch.linspace(-3, 3, 12)[6:9]) * 1.002 - 0.001
+    assert (color - wanted).abs().max() < 1e-5
 
 
 def test_vertex_features_are_interpolated_at_the_closest_point():

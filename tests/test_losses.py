@@ -46,7 +46,8 @@ def test_an_untrained_field_is_the_body_and_loses_nothing_by_it():
 def test_a_shifted_field_costs_its_shift_and_never_explodes_inside():
     generator = AvatarGenerator(debug_config())
     with torch.no_grad():
-        generator.decoder.residual.bias.fill_(-5.0)  # half a metre inside, as far as the limit allows
+        # half a metre inside, as far as the limit allows
+        generator.decoder.get_parameter("networks.0.geometry.bias")[0] = -5.0
     people = people_of(generator)
     losses = geometry_losses(generator, SURFACE, people, 100, draws())
     expected = 0.5 * torch.tanh(torch.tensor(5.0 * 0.1 / 0.5))
@@ -65,7 +66,7 @@ def test_the_slope_reaches_the_planes_by_gradcheck_in_float64():
     generator = random_generator().double()
     one = people_of(generator)[0]
     with torch.no_grad():
-        generator.decoder.residual.weight.mul_(0.1)
+        generator.decoder.get_parameter("networks.0.geometry.weight").mul_(0.1)
     points = torch.from_numpy(one.posed.vertices[::200] + 0.01)
 
     def penalty(planes: torch.Tensor) -> torch.Tensor:

@@ -91,7 +91,7 @@ def test_every_choice_of_table_2_renders_and_learns(name: str, value: str):
     seen.raw.square().mean().backward()
     slopes = {n: p.grad.abs().max() for n, p in generator.named_parameters() if p.grad is not None}
     assert all(torch.isfinite(slope) for slope in slopes.values())
-    assert slopes["decoder.residual.weight"] > 0
+    assert slopes["decoder.networks.0.geometry.weight"] > 0
     assert ("deformation.leave.weight" in slopes) == (value != "inverse_skinning")
 
 

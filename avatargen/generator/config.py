@@ -11,6 +11,7 @@ import numpy as np
 
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
+from avatargen.generator.parts import JOINTS_OF_PARTS, Parts
 
 MAX_SIZE = 4096  # widths, depths, resolutions
 MAX_VERTICES = 2_000_000
@@ -25,9 +26,9 @@ class MappingConfig:
     z_size: int = 80
     camera_size: int = 25
     camera_features: int = 32  # width of the embedded camera; 0 leaves the camera out
-    w_size: int = 256
-    width: int = 256
-    layers: int = 3
+    w_size: int = 448
+    width: int = 512
+    layers: int = 4
     normalize: bool = (
         False  # bring each z to unit mean square; this loses the length of z, which a coding may use
     )
@@ -65,14 +66,19 @@ class PlanesConfig:
 class DecoderConfig:
     """Field decoder (section 3.2): plane features and body distance to residual, colour and features."""
 
-    width: int = 96
+    width: int = 64
     depth: int = 3  # hidden layers
     activation: str = "leaky_relu"  # or softplus
     features: int = 32  # what the renderer collects; the first three are the colour
-    modulated: bool = (
-        True  # the person's w scales the inputs of each layer and shifts its outputs; not in the paper
+    # what follows is not in the paper
+    split: bool = True  # a network for each part of the body, where the body has SMPL's joint names
+    parts: Parts = ()  # places of each part in the canonical space, metres; see `for_body`
+    code_size: int = 48  # numbers a part's network takes from w to make the person's own layers; 0: none
+    regions: int = 16  # colours of its own that a person has in each part; 0: none
+    gated: bool = (
+        True  # the residual may also take back a share of the body's distance, for free-hanging cloth
     )
-    vertex_features: int = 32  # learned numbers per body vertex, shared by all people; not in the paper
+    vertex_features: int = 32  # learned numbers per body vertex, shared by all people
     frequencies: int = 6  # of the encoded canonical point; 0 leaves the point out
     residual_scale: float = 0.1  # metres per unit of the last layer
     residual_limit: float = 0.5  # metres; softly kept by a tanh
@@ -192,7 +198,9 @@ SHIPPED = GeneratorConfig()
 DEBUG = GeneratorConfig(
     mapping=MappingConfig(z_size=16, camera_features=8, w_size=32, width=32, layers=2),
     synthesis=SynthesisConfig(blocks=((4, 16), (8, 16), (16, 16)), plane_channels=8),
-    decoder=DecoderConfig(width=16, depth=2, vertex_features=4, frequencies=2),
+    decoder=DecoderConfig(
+        width=16, depth=2, split=False, code_size=8, regions=4, vertex_features=4, frequencies=2
+    ),
     deformation=DeformationConfig(width=16, depth=2, frequencies=2),
     render=RenderConfig(raw_size=8, image_size=16, samples=6, upsampler_channels=8),
 )
@@ -212,7 +220,14 @@ PAPER = GeneratorConfig(
     ),
     planes=PlanesConfig(head_gain=1.0),
     decoder=DecoderConfig(
-        width=64, depth=1, activation="softplus", modulated=False, vertex_features=0, frequencies=0
+        depth=1,
+        activation="softplus",
+        split=False,
+        code_size=0,
+        regions=0,
+        gated=False,
+        vertex_features=0,
+        frequencies=0,
     ),
     render=RenderConfig(raw_size=128, image_size=512, samples=48, initial_alpha=0.1, upsampler_channels=256),
 )
@@ -235,13 +250,24 @@ def for_body(
     planes = replace(config.planes, low=triple(low), high=triple(high))
     if planes.head_gain != 1 and "head" in body.joint_names:
         planes = replace(planes, warp=head_warp(body, low, high, planes.head_gain))
+    decoder = replace(config.decoder, parts=parts_of(body)) if config.decoder.split else config.decoder
     return replace(
         config,
         planes=planes,
+        decoder=decoder,
         joint_count=len(body.parents),
         vertex_count=len(body.vertices),
         shape_count=body.source.shapedirs.shape[2],
         body_hash=body_hash(body),
+    )
+
+
+def parts_of(body: CanonicalBody) -> Parts:
+    """The places of the body's parts, or none where a joint that makes them is missing."""
+    if not {name for part in JOINTS_OF_PARTS for name in part} <= set(body.joint_names):
+        return ()
+    return tuple(
+        tuple(triple(body.joints[body.joint_names.index(name)]) for name in part) for part in JOINTS_OF_PARTS
     )
 
 

@@ -9,6 +9,7 @@ inside.
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from jaxtyping import Float, Int
@@ -21,8 +22,11 @@ from avatargen.body.reach import outer_reach
 from avatargen.errors import InputError
 from avatargen.generator.config import DecoderConfig
 from avatargen.generator.layers import EqualLinear, leaky_relu
+from avatargen.generator.parts import Shares
 
+Heads = Literal["shape", "picture", "both"]
 PLANE_GAIN = 1 / 3  # of the sum of three planes: brings it near unit size
+REGION_GAIN = 6.0  # steepness of the softmax that chooses a colour
 COLOR_MARGIN = 0.001  # lets the sigmoid reach 0 and 1
 
 
@@ -56,32 +60,86 @@ def attach_gradient(
     return BodyPoints(distance=body.distance + step, vertices=body.vertices, barycentric=body.barycentric)
 
 
-class ModulatedLinear(nn.Module):
-    """Linear layer whose inputs are scaled and outputs shifted per person; the batch runs as one matrix
-    product each.
+class PersonalLinear(nn.Module):
+    """Linear layer to whose weights and biases each person adds their own, made from a code; a batch runs as
+    one matrix product each.
 
-    The modulation starts as identity.
+    What a code adds starts at zero. Without a code the layer is the same for all.
     """
 
-    def __init__(self, inputs: int, outputs: int, w_size: int, *, modulated: bool) -> None:
+    def __init__(self, inputs: int, outputs: int, code_size: int, *, zero: bool = False) -> None:
         super().__init__()
-        self.weight = nn.Parameter(torch.randn(inputs, outputs))
+        size = (inputs, outputs)
+        self.weight = nn.Parameter(torch.zeros(size) if zero else torch.randn(size))
         self.bias = nn.Parameter(torch.zeros(outputs))
         self.gain = 1 / math.sqrt(inputs)
-        self.modulated = modulated
-        if modulated:
-            self.scale = EqualLinear(w_size, inputs, bias=1.0, zero=True)
-            self.shift = EqualLinear(w_size, outputs, zero=True)
+        self.own = EqualLinear(code_size, (inputs + 1) * outputs, zero=True) if code_size else None
 
-    def forward(self, x: Float[Tensor, "B N i"], w: Float[Tensor, "B D"]) -> Float[Tensor, "B N o"]:
-        weight, bias = self.weight * self.gain, self.bias
-        if not self.modulated:
-            return x @ weight + bias
-        return torch.baddbmm((bias + self.shift(w))[:, None], x, weight * self.scale(w)[:, :, None])
+    def forward(self, x: Float[Tensor, "B N i"], code: Float[Tensor, "B c"] | None) -> Float[Tensor, "B N o"]:
+        if self.own is None or code is None:
+            return x @ (self.weight * self.gain) + self.bias
+        own = self.own(code).unflatten(1, (-1, len(self.bias)))  # B i+1 o
+        return torch.baddbmm(self.bias + own[:, -1:], x, (self.weight + own[:, :-1]) * self.gain)
+
+
+class PartNetwork(nn.Module):
+    """The field's network for one part of the body: two heads on shared hidden layers.
+
+    Letters beside the module's: I inputs, H width.
+    """
+
+    def __init__(self, config: DecoderConfig, inputs: int, w_size: int) -> None:
+        super().__init__()
+        self.config = config
+        size = config.code_size
+        self.code = EqualLinear(w_size, size) if size else None
+        sizes = [inputs, *[config.width] * config.depth]
+        self.layers = nn.ModuleList(PersonalLinear(i, o, size) for i, o in itertools.pairwise(sizes))
+        self.geometry = PersonalLinear(config.width, 2 if config.gated else 1, size, zero=True)
+        self.picture = PersonalLinear(config.width, config.features + config.regions, size)
+        if config.regions:
+            self.palette = EqualLinear(w_size, 3 * config.regions)
+
+    def hidden(self, x: Float[Tensor, "B N I"], code: Float[Tensor, "B c"] | None) -> Float[Tensor, "B N H"]:
+        for layer in self.layers:
+            x = layer(x, code)
+            x = leaky_relu(x) if self.config.activation == "leaky_relu" else F.softplus(x)
+        return x
+
+    def code_of(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B c"] | None:
+        return None if self.code is None else self.code(w)
+
+    def shape(self, hidden: Float[Tensor, "B N H"], code: Float[Tensor, "B c"] | None) -> Tensor:
+        """[B N 2]: the residual, in metres and never past `residual_limit`; and the share of the body's
+        distance, within -1..1, that it takes back.
+        """
+        raw = self.geometry(hidden, code)
+        limit = self.config.residual_limit
+        residual = limit * torch.tanh(raw[..., :1] * (self.config.residual_scale / limit))
+        taken = torch.tanh(raw[..., 1:]) if self.config.gated else torch.zeros_like(residual)
+        return torch.cat([residual, taken], dim=-1)
+
+    def paint(
+        self, hidden: Float[Tensor, "B N H"], w: Float[Tensor, "B D"], code: Float[Tensor, "B c"] | None
+    ) -> Float[Tensor, "B N K"]:
+        """Features; the first three are the colour: sRGB, 0..1 within `COLOR_MARGIN`.
+
+        With regions, a steep softmax says which of the person's few colours a point has.
+        """
+        raw = self.picture(hidden, code)
+        features, regions = raw.split([self.config.features, self.config.regions], dim=-1)
+        color, others = features[..., :3], features[..., 3:]
+        if self.config.regions:
+            palette = self.palette(w).unflatten(1, (self.config.regions, 3))
+            color = color + torch.softmax(REGION_GAIN * regions, dim=-1) @ palette
+        color = torch.sigmoid(color) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
+        return torch.cat([color, others], dim=-1)
 
 
 class Decoder(nn.Module):
-    """The field's network. `inverse_reach` (1/m) is set by `fit_reach`; at zero, vertex features never fade.
+    """The field's network: one for the whole body, or one for each of its parts, blended at their borders.
+
+    `inverse_reach` (1/m) is set by `fit_reach`; at zero, vertex features never fade.
 
     Raises:
         InputError: vertex features are asked for but there are no vertices.
@@ -98,69 +156,79 @@ class Decoder(nn.Module):
         self.config = config
         inputs = plane_channels + len(DISTANCE_SCALES) + 1 + config.vertex_features
         inputs += 3 * (1 + 2 * config.frequencies) if config.frequencies else 0
-        sizes = [inputs, *[config.width] * config.depth]
-        self.layers = nn.ModuleList(
-            ModulatedLinear(i, o, w_size, modulated=config.modulated) for i, o in itertools.pairwise(sizes)
-        )
         if config.vertex_features:
             self.vertex_features = nn.Parameter(torch.randn(vertex_count, config.vertex_features) * 0.1)
             self.register_buffer("inverse_reach", torch.zeros(vertex_count))
-        self.residual = EqualLinear(config.width, 1, zero=True)
-        self.features = EqualLinear(config.width, config.features)
-        if (
-            config.modulated
-        ):  # what is masked by one person's hidden units gets that person's own distance and colour
-            self.person = EqualLinear(w_size, config.width * PERSON_ROWS, zero=True)
+        self.shares = Shares(config.parts) if config.parts else None
+        self.networks = nn.ModuleList(
+            PartNetwork(config, inputs, w_size) for _ in range(max(1, len(config.parts)))
+        )
 
-    def hidden(
-        self,
-        plane_features: Float[Tensor, "B N C"],
-        w: Float[Tensor, "B D"],
-        centered: Float[Tensor, "B N 3"],
-        body: BodyPoints,
-    ) -> Float[Tensor, "B N width"]:
-        """What both heads read. `centered` are the points scaled so that the box is -1..1."""
+    def inputs(
+        self, plane_features: Float[Tensor, "B N C"], centered: Float[Tensor, "B N 3"], body: BodyPoints
+    ) -> Float[Tensor, "B N I"]:
+        """What the networks read. `centered` are the points scaled so that the box is -1..1."""
         inputs = [plane_features * PLANE_GAIN, distance_features(body.distance)]
         if self.config.vertex_features:
             inputs.append(self.features_at_body(body))
         if self.config.frequencies:
             inputs.append(encode(centered, self.config.frequencies))
-        x = torch.cat(inputs, dim=-1)
-        for layer in self.layers:
-            x = layer(x, w)
-            x = leaky_relu(x) if self.config.activation == "leaky_relu" else F.softplus(x)
-        return x
+        return torch.cat(inputs, dim=-1)
 
     def features_at_body(self, body: BodyPoints) -> Float[Tensor, "B N K"]:
         """Vertex features at the closest body points, faded out before the closest point jumps."""
         inverse_reach = interpolate(self.inverse_reach[:, None], body)[..., 0]
         return interpolate(self.vertex_features, body) * fade(body.distance, inverse_reach)[..., None]
 
-    def person_rows(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B width 4"]:
-        """Each person's own addition to the last layer: a column for the residual, three for the colour."""
-        if not self.config.modulated:
-            return w.new_zeros(len(w), self.config.width, PERSON_ROWS)
-        return self.person(w).unflatten(1, (self.config.width, PERSON_ROWS))
+    def forward(
+        self,
+        x: Float[Tensor, "B N I"],
+        points: Float[Tensor, "B N 3"],
+        w: Float[Tensor, "B D"],
+        heads: Heads = "both",
+    ) -> Float[Tensor, "B N O"]:
+        """The heads' outputs at canonical points: `shape`'s two columns, `paint`'s, or both in this order."""
+        if self.shares is None:
+            return ask(self.networks[0], x, w, heads)
+        shares = self.shares(points)
+        people, count, _ = x.shape
+        first = torch.arange(people, device=x.device)[:, None] * count
+        total = None
+        for part, network in enumerate(self.networks):
+            some = int((shares[..., part] > 0).sum(dim=1).max()) if count else 0
+            if not some:
+                continue
+            share, index = shares[..., part].topk(some, dim=1, sorted=False)
+            rows = (index + first).flatten()
+            part_x = x.flatten(0, 1).index_select(0, rows).unflatten(0, index.shape)
+            own = (ask(network, part_x, w, heads) * share[..., None]).flatten(0, 1)
+            if total is None:
+                total = own.new_zeros(people * count, own.shape[-1])
+            total = total.index_add(0, rows, own)
+        if total is None:  # no points
+            return ask(self.networks[0], x, w, heads)
+        return total.unflatten(0, (people, count))
 
     def signed_distance(
-        self, hidden: Float[Tensor, "B N width"], w: Float[Tensor, "B D"], body: BodyPoints
+        self, shape: Float[Tensor, "B N 2"], distance: Float[Tensor, "B N"]
     ) -> Float[Tensor, "B N"]:
-        """Body distance plus the residual, in metres; the residual never passes `residual_limit`."""
-        limit = self.config.residual_limit
-        raw = self.residual(hidden) + hidden @ self.person_rows(w)[..., :1]
-        return body.distance + limit * torch.tanh(raw[..., 0] * (self.config.residual_scale / limit))
-
-    def picture_features(
-        self, hidden: Float[Tensor, "B N width"], w: Float[Tensor, "B D"]
-    ) -> tuple[Float[Tensor, "B N 3"], Float[Tensor, "B N K"]]:
-        """Colour (sRGB, 0..1 within `COLOR_MARGIN`), and the features that begin with it."""
-        raw = self.features(hidden)
-        own = hidden @ self.person_rows(w)[..., 1:]
-        color = torch.sigmoid(raw[..., :3] + own) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
-        return color, torch.cat([color, raw[..., 3:]], dim=-1)
+        """Body distance, less what is taken back of it, plus the residual, metres."""
+        return distance * (1 - shape[..., 1]) + shape[..., 0]
 
 
-PERSON_ROWS = 4
+def ask(network: nn.Module, x: Tensor, w: Tensor, heads: Heads) -> Float[Tensor, "B N O"]:
+    """The heads of one part's network."""
+    assert isinstance(network, PartNetwork)
+    code = network.code_of(w)
+    hidden = network.hidden(x, code)
+    parts = []
+    if heads != "picture":
+        parts.append(network.shape(hidden, code))
+    if heads != "shape":
+        parts.append(network.paint(hidden, w, code))
+    return torch.cat(parts, dim=-1)
+
+
 # metres from the body over which vertex features fade at least, for lips and toes touch; and at most, as a
 # mesh's shallow dents make the closest point of distant points jump
 NEAREST, FARTHEST = 0.005, 0.06

@@ -72,9 +72,9 @@ class AvatarGenerator(nn.Module):
         penalised. The distance is `body`'s plus the residual, or `base`'s where one is given.
         """
         features = sample_planes(planes, self.frame(points), method)
-        hidden = self.decoder.hidden(features, w, self.frame.centered(points), body)
-        color, picture = self.decoder.picture_features(hidden, w)
-        return self.decoder.signed_distance(hidden, w, base or body), color, picture
+        x = self.decoder.inputs(features, self.frame.centered(points), body)
+        shape, picture = self.decoder(x, points, w).tensor_split([2], dim=-1)
+        return self.decoder.signed_distance(shape, (base or body).distance), picture[..., :3], picture
 
 
 class ShapeHead(nn.Module):

@@ -1,5 +1,6 @@
 """Warm start: regress the canonical fields of an endless stream of wardrobe people straight from z.
 
+    z --wardrobe--> traits                                      (first, the target of the mapping network)
     z --wardrobe--> signed distance, colour at pool points      (the target)
     z --generator-> signed distance, colour at the same points  (the prediction)
 
@@ -25,11 +26,12 @@ from torch import Tensor
 from avatargen.atomic import write_atomically
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import TrainingError
-from avatargen.generator.camera import Camera, front_camera
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import GeneratorConfig
 from avatargen.generator.decoder import BodyPoints, fit_reach
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.training.learn_traits import learn_traits
+from avatargen.training.orbit import orbit_cameras
 from avatargen.training.pool import cached_pool, hangs
 from avatargen.wardrobe import MARKS, garments
 from avatargen.wardrobe.attributes import LATENT_SIZE, People, phenotype
@@ -45,9 +47,10 @@ HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
 class WarmStartConfig:
     """Settings of the warm start; lengths in steps unless said otherwise."""
 
-    steps: int = 9000
-    people: int = 48  # a step; variety of people teaches more than points of each
-    points: int = 640  # a person
+    steps: int = 6000
+    trait_steps: int = 1400  # of the mapping network alone, before; 0 or weights to start from: none
+    people: int = 64  # a step; variety of people teaches more than points of each
+    points: int = 480  # a person
     candidates: int = 2  # pool points looked at for each one kept
     skirts: float = (
         0.25  # share of people drawn in skirts, the hardest to learn, beside those who choose them
@@ -141,18 +144,6 @@ def near_surface(sdf: Float[Tensor, "B M"], count: int, random: torch.Generator)
     preference = -(sdf.abs() / 0.012).clamp(max=6)
     gumbel = -torch.log(-torch.log(torch.rand(sdf.shape, generator=random).clamp(1e-7, 1 - 1e-7)))
     return torch.topk(preference + gumbel, count, dim=1, sorted=False).indices
-
-
-def orbit_cameras(people: int, random: torch.Generator) -> Float[Tensor, "B 25"]:
-    """Camera vectors all around the person. The fields must not depend on them, so every step draws
-    new ones.
-    """
-    angle = torch.rand(people, generator=random) * 2 * math.pi
-    turn = torch.eye(4).repeat(people, 1, 1)
-    turn[:, 0, 0] = turn[:, 2, 2] = angle.cos()
-    turn[:, 0, 2], turn[:, 2, 0] = angle.sin(), -angle.sin()
-    front = front_camera(people)
-    return Camera(cam2world=turn @ front.cam2world, intrinsics=front.intrinsics).vector
 
 
 def losses(
@@ -339,6 +330,9 @@ def train(
     state = new_state(generator_config, config, body, coarser)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
+    elif coarser is None and config.trait_steps:
+        learn_traits(state.generator.mapping, config.trait_steps, config.seed, report)
+        state.average.mapping.load_state_dict(state.generator.mapping.state_dict())
     started, recent = time.monotonic(), []
     errors = held_out(state.average, stream, config)
     while state.step < config.steps:

@@ -75,10 +75,12 @@ MEASURES = [
     "wear",
 ]
 COLOURS = ["hair", "top", "second", "bottom", "outer", "shoe"]
+FACE = ["nose", "nose_width", "jaw", "chin", "cheek"]  # measures
 LATENT_SIZE = 80
 
 _SINGLE = {name: i for i, name in enumerate((*CHOICES, *MEASURES))}
-_COORDINATE = _SINGLE | {name: len(_SINGLE) + 3 * i for i, name in enumerate(COLOURS)}
+_COLOURED = {name: len(_SINGLE) + 3 * i for i, name in enumerate(COLOURS)}
+_COORDINATE = _SINGLE | _COLOURED | {name: len(_SINGLE) + 3 * len(COLOURS) + i for i, name in enumerate(FACE)}
 
 # opponent axes (reddish-greenish, yellowish-bluish) in display RGB, of equal weight
 _OPPONENT = torch.tensor([[0.75, -0.45, -0.05], [0.45, 0.25, -0.80]])

@@ -62,7 +62,7 @@ def pattern(color: Tensor, other: Tensor, places: Places, people: People) -> Ten
     """
     x, y, z = tailor(places.p)
     kind = people.kind("pattern_a", "pattern_b", "pattern_c")
-    arm = ramp(x.abs(), 0.19, 0.21)
+    arm = ramp(x.abs(), 0.19, 0.21) * ramp(y, 0.25, 0.30)  # a wide dress has no arms at its sides
     along_limb = y * (1 - arm) + x.abs() * arm
     across = torch.sigmoid(torch.sin(6.2832 * along_limb / PERIOD) * PERIOD / 0.006)
     down = torch.sigmoid(torch.sin(6.2832 * (x * (1 - arm) + y * arm) / PERIOD) * PERIOD / 0.006)
@@ -94,6 +94,11 @@ def top(places: Places, people: People) -> Layer:
         0.0045 + 0.006 * people.measure("thickness") + 0.005 * knit + 0.012 * ease * ramp(-y, -0.34, -0.05)
     )
     thick = (thick + (0.0012 + 0.0022 * ease) * crease) * (1 - 0.35 * layered)
+    below = torch.where(has_skirt(people) > 0.5, 0.012, 0.005 + 0.0105 * people.measure("leg_width"))
+    over_it = (below + 0.003) * ramp(
+        WAIST_Y + 0.035 - y, 0.0, 0.05
+    )  # what is worn below the waist stays under
+    thick = torch.maximum(thick, over_it)
     thick = thick + (0.003 - thick) * tucked_in
     body = loosened(places, ease * (1 - tucked_in))
     width = people.between("sleeve_width", 0.052, 0.078) - 0.03 * ramp(x.abs(), 0.3, 0.7) * (1 - 0.3 * ease)
@@ -130,17 +135,34 @@ def has_dress(people: People) -> Tensor:
     return has_skirt(people) * people.choice("bottom_b")
 
 
+def has_shorts(people: People) -> Tensor:
+    """1 for men in shorts."""
+    return people.choice("bottom_a") * people.choice("bottom_b") * (1 - people.choice("woman"))
+
+
+def has_jeans(people: People) -> Tensor:
+    """1 for trousers of denim."""
+    return people.choice("bottom_b") * (1 - has_shorts(people)) * (1 - has_skirt(people))
+
+
+def trouser_colour(people: People) -> Tensor:
+    """Blue for jeans, any for others, [B 1 3]."""
+    shade = 0.5 + 1.0 * people.measure("bottom")[..., None]
+    blue = torch.tensor([0.20, 0.28, 0.42]).to(people.z) * shade
+    return torch.where(has_jeans(people)[..., None] > 0.5, blue, people.colour("bottom", 0.05, 0.75, 0.10))
+
+
 def trousers(places: Places, people: People) -> Layer:
     """Trousers, jeans, shorts or leggings."""
     x, y, z = tailor(places.p)
     lateral, down, depth = places.leg[..., 0], -places.leg[..., 1], places.leg[..., 2]
-    short = people.choice("bottom_a") * people.choice("bottom_b") * (1 - people.choice("woman"))
+    short = has_shorts(people)
     end = torch.where(
         short > 0.5,
         people.between("leg_length", 0.22, 0.47),
         people.between("leg_length", 0.70, 1.02).clamp(max=0.895),
     )
-    jeans = people.choice("bottom_b") * (1 - short)
+    jeans = has_jeans(people)
     wide = people.measure("leg_width")
     knee = bump(down, KNEE, 0.09) + 0.8 * bump(down, 0.05, 0.08) + 0.9 * bump(down, 0.84, 0.06)
     crease = (
@@ -161,10 +183,7 @@ def trousers(places: Places, people: People) -> Layer:
     cone = rho - radius + 0.12 * ramp(0.26 - down, 0.0, 0.24)  # melts into the hip
     body = smooth_min(loosened(places, wide), cone + thick, 0.03)
     covered = torch.minimum(WAIST_Y + 0.02 * people.normal("wear").clamp(-1, 1) - y, end - down)
-    blue = torch.tensor([0.20, 0.28, 0.42]).to(x) * (0.5 + 1.0 * people.measure("bottom")[..., None])
-    color = torch.where(jeans[..., None] > 0.5, blue, people.colour("bottom", 0.05, 0.75, 0.10)).expand(
-        *x.shape, 3
-    )
+    color = trouser_colour(people).expand(*x.shape, 3)
     worn = (
         jeans
         * (bump(down, 0.22, 0.13) + 0.7 * bump(down, KNEE, 0.07))
@@ -243,6 +262,12 @@ def skirt_cone(p: Tensor, people: People) -> tuple[Tensor, Tensor]:
     return skirt_sdf(p, flare, skirt_end(people), 0.004, creased)
 
 
+def skirt_colour(people: People) -> Tensor:
+    """A dress has the colour of the top, [B 1 3]."""
+    own = people.colour("bottom", 0.08, 0.85, 0.16)
+    return torch.where(has_dress(people)[..., None] > 0.5, people.colour("top"), own)
+
+
 def skirt(places: Places, people: People) -> Layer:
     """Skirts, and the lower half of dresses."""
     x, y, _z = tailor(places.p)
@@ -252,9 +277,7 @@ def skirt(places: Places, people: People) -> Layer:
     tight = torch.maximum(
         loosened(places, people.measure("ease")) - 0.011, torch.maximum(y - WAIST_Y - 0.02, end - y)
     )
-    color = torch.where(
-        dress[..., None] > 0.5, people.colour("top"), people.colour("bottom", 0.08, 0.85, 0.16)
-    ).expand(*x.shape, 3)
+    color = skirt_colour(people).expand(*x.shape, 3)
     color = torch.where(
         dress[..., None] > 0.5, pattern(color, people.colour("second", chroma=0.2), places, people), color
     )
@@ -285,6 +308,11 @@ def free_cloth(p: Tensor, people: People) -> Tensor:
     return torch.minimum(skirt, torch.where(has_coat(people) > 0.5, coat_tail(p, people), 1.0))
 
 
+def outer_colour(people: People) -> Tensor:
+    """Of a jacket or coat, [B 1 3]."""
+    return people.colour("outer", 0.06, 0.80, 0.12)
+
+
 def outer(places: Places, people: People) -> Layer:
     """Jacket, cardigan or coat, open in front or closed; coats reach to the thighs or knees."""
     x, y, z = tailor(places.p)
@@ -307,7 +335,7 @@ def outer(places: Places, people: People) -> Layer:
     shape = torch.where(
         coat > 0.5, torch.maximum(smooth_min(body - thick, tail, 0.02), -covered), cloth(body, thick, covered)
     )
-    base = people.colour("outer", 0.06, 0.80, 0.12)
+    base = outer_colour(people)
     color = base.expand(*x.shape, 3)
     lapel = ramp(0.030 - front, -0.001, 0.001) * ramp(y, 0.15, 0.25) * ramp(z, -0.01, 0.02)
     color = mix(color, base * 0.78 + 0.02, lapel)
@@ -333,6 +361,11 @@ def outer(places: Places, people: People) -> Layer:
     return Layer(sdf=shape, color=color.clamp(0, 1))
 
 
+def shoe_colour(people: People) -> Tensor:
+    """Of a shoe's upper, [B 1 3]."""
+    return people.colour("shoe", 0.05, 0.85, 0.14)
+
+
 def shoes(places: Places, people: People) -> Layer:
     """Sneakers, boots, flats or leather shoes: the closed foot with a sole."""
     lateral, down, depth = places.leg[..., 0], -places.leg[..., 1], places.leg[..., 2]
@@ -345,7 +378,7 @@ def shoes(places: Places, people: People) -> Layer:
     upper = places.closed - (0.006 + 0.004 * (kind == 1) + 0.003 * (kind == 0))
     sole = torch.maximum(places.shod - 0.0075, FLOOR - 0.006 - down)
     sdf = torch.maximum(smooth_min(upper, sole, 0.003), -covered)
-    leather = people.colour("shoe", 0.05, 0.85, 0.14)
+    leather = shoe_colour(people)
     color = leather.expand(*down.shape, 3)
     pale = torch.where(
         ((kind == 0) | (people.measure("wear") > 0.7))[..., None],

@@ -64,5 +64,8 @@ def cloth(body: Tensor, thickness: Number, covered: Tensor) -> Tensor:
 
 
 def folds(u: Tensor, v: Tensor, phase: float = 0.0, wavelength: float = 0.075) -> Tensor:
-    """Cloth folds in -1..1 across u, wandering along v (metres)."""
-    return torch.sin(6.2832 * (u / wavelength + 0.35 * torch.sin(6.2832 * v / 0.23) + phase))
+    """Cloth folds in about -1..1 across u, wandering along v (metres); deep here, gone there."""
+    wander = 0.35 * torch.sin(6.2832 * v / 0.23) + 0.22 * torch.sin(6.2832 * (u + v) / 0.31 + 1.3)
+    angle = 6.2832 * (u / wavelength + wander + phase)
+    depth = 0.5 + 0.5 * torch.sin(6.2832 * (v / 0.19 + u / 0.27 + 0.6 * phase))
+    return (torch.sin(angle) + 0.3 * torch.sin(1.7 * angle + 0.9)) * (0.15 + 0.85 * depth)

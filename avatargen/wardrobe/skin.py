@@ -58,6 +58,11 @@ def hair_tone(people: People) -> Float[Tensor, "B 1 3"]:
     return tone + (0.62 - tone) * grey * 0.8
 
 
+def eye_colour(people: People) -> Float[Tensor, "B 1 3"]:
+    """Colour of the iris."""
+    return along(EYE_HUES, people.measure("eye_hue")) * (0.8 + 0.7 * people.measure("eye_light")[..., None])
+
+
 def skin(places: Places, people: People) -> Layer:
     """The bare body with a painted face."""
     x, y, z = tailor(places.p)
@@ -86,7 +91,29 @@ def skin(places: Places, people: People) -> Layer:
     bristle = beard(places, people) * (1 - lip_area(x, y, people) * front)
     color = mix(color, hair_tone(people) * 0.9 + tone * 0.08, bristle)
     thick = 0.0015 * brow_area(x, y, people) * front + 0.007 * bristle * full_beard(people)
+    thick = thick + features_of_face(x, y, z, people)
     return Layer(sdf=places.body - thick, color=color)
+
+
+def features_of_face(x: Tensor, y: Tensor, z: Tensor, people: People) -> Tensor:
+    """Metres by which nose, jaw, chin and cheeks stand out of the body's own face, or lie behind it; between
+    the lips, what closes the gap.
+    """
+    side, front = x.abs(), ramp(z, 0.085, 0.11)
+    nose = bump(x, 0, 0.011) * bump(y, 0.679, 0.017) * front
+    wings = bump(side, 0.015, 0.008) * bump(y, 0.668, 0.010) * front
+    jaw = bump(side, 0.060, 0.020) * bump(y, 0.633, 0.024) * ramp(z, 0.02, 0.05) * ramp(0.11 - z, 0, 0.03)
+    chin = bump(x, 0, 0.022) * bump(y, 0.613, 0.014) * ramp(z, 0.07, 0.10)
+    cheeks = bump(side, 0.048, 0.019) * bump(y, 0.676, 0.018) * ramp(z, 0.05, 0.08)
+    gap = bump(y, MOUTH_Y, 0.0045) * ramp(MOUTH_HALF - side, 0, 0.01) * front
+    return (
+        0.0022 * gap
+        + people.between("nose", -0.003, 0.003) * nose
+        + people.between("nose_width", -0.0012, 0.0025) * wings
+        + people.between("jaw", -0.003, 0.006) * jaw
+        + people.between("chin", -0.003, 0.005) * chin
+        + people.between("cheek", -0.003, 0.004) * cheeks
+    )
 
 
 def lip_area(x: Tensor, y: Tensor, people: People) -> Tensor:
@@ -115,7 +142,7 @@ def eyes(color: Tensor, tone: Tensor, places: Places, people: People, front: Ten
     x, y, _ = tailor(places.p)
     ball = ramp(places.eye, 0.35, 0.75)
     r = torch.sqrt((x.abs() - EYE_X) ** 2 + (y - EYE_Y) ** 2 + 1e-12)
-    iris = along(EYE_HUES, people.measure("eye_hue")) * (0.8 + 0.7 * people.measure("eye_light")[..., None])
+    iris = eye_colour(people)
     inner = (torch.tensor([0.93, 0.92, 0.90]).to(x)).expand_as(color)
     inner = mix(inner, iris * 0.45, torch.sigmoid((IRIS - r) / 0.0003))
     inner = mix(inner, iris, torch.sigmoid((IRIS * 0.86 - r) / 0.0004))
