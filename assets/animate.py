@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from assets.asset import Asset
 from assets.rig import Animation, Skeleton
+from avatargen.body.joints import driving_name
 from avatargen.errors import InputError
 from avatargen.motion.figure import Figure
 from avatargen.motion.motion import Motion, continuous
@@ -53,8 +54,8 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         InputError: the motion shares no joint with the skeleton.
     """
     turned = zero_rotations(len(motion.times), len(skeleton.parents))
-    found = [(j, source_joint(name, motion)) for j, name in enumerate(skeleton.joint_names)]
-    shared = [(joint, source) for joint, source in found if source is not None]
+    found = [driving_name(name, motion.joint_names) for name in skeleton.joint_names]
+    shared = [(j, motion.joint_names.index(name)) for j, name in enumerate(found) if name is not None]
     if not shared:
         raise InputError(
             f"motion {motion.name}: none of its {len(motion.joint_names)} joints is one of the skeleton's; "
@@ -74,14 +75,6 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         rotations=continuous(quaternions),
         root=skeleton.joints[0] + motion.translation,
     )
-
-
-def source_joint(name: str, motion: Motion) -> int | None:
-    """The motion's joint for one of the skeleton's. A hand without fingers follows the middle finger."""
-    for candidate in (name, name.removesuffix("hand") + "middle1"):
-        if candidate in motion.joint_names:
-            return motion.joint_names.index(candidate)
-    return None
 
 
 def zero_rotations(frames: int, joints: int) -> Float64[np.ndarray, "T J 3 3"]:

@@ -31,6 +31,7 @@ class AttachConfig:
     largest_angle: float = 40.0  # degrees between the normals
     largest_jump: float = 0.5  # share of the weight that may change joints along a short edge
     jump_length: float = 0.1  # metres of edge along which it may change joints altogether on top of that
+    shortest_bone: float = 0.045  # metres: a joint nearer to its parent counts as one with it, as in a finger
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +65,24 @@ def attach(surface: Surface, body: CanonicalBody, config: AttachConfig | None = 
     aligned = facing >= np.cos(np.radians(config.largest_angle)) * np.linalg.norm(normals, axis=1)
     near = np.abs(hit.distance) <= config.largest_distance
     weights = np.einsum("vk,vkj->vj", barycentric, body.weights.astype(np.float64)[corners])
-    steady = ~jumps(surface, weights, config)
+    steady = ~jumps(surface, weights @ limbs(body, config.shortest_bone), config)
     graph = edge_graph(surface)
     return Attachment(corners=corners, barycentric=barycentric, trusted=near & aligned & steady, graph=graph)
 
 
+def limbs(body: CanonicalBody, shortest: float) -> Float64[np.ndarray, "J L"]:
+    """Which joints count as one: times this matrix, weights are those of chains of short bones."""
+    limb = np.arange(len(body.parents))
+    for joint, parent in enumerate(body.parents):
+        if parent >= 0 and np.linalg.norm(body.joints[joint] - body.joints[parent]) < shortest:
+            limb[joint] = limb[parent]
+    return np.eye(len(limb))[:, np.unique(limb)][limb]
+
+
 def jumps(
-    surface: Surface, weights: Float64[np.ndarray, "V J"], config: AttachConfig
+    surface: Surface, weights: Float64[np.ndarray, "V L"], config: AttachConfig
 ) -> Bool[np.ndarray, " V"]:
-    """Vertices at an edge along which more of the weight moves to other joints than its length explains."""
+    """Vertices at an edge along which more of the weight moves to other limbs than its length explains."""
     edges = directed_edges(surface.faces)
     moved = 0.5 * np.abs(weights[edges[:, 0]] - weights[edges[:, 1]]).sum(axis=1)
     allowed = config.largest_jump + edge_lengths(surface, edges) / config.jump_length

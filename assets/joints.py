@@ -1,4 +1,5 @@
-"""Which joints a skeleton needs: those that move a vertex, and those that carry one that does."""
+"""Which joints a skeleton has: all of the body's, SMPL's 24 without fingers, or those that move a vertex and
+those that carry one that does."""
 
 import dataclasses
 
@@ -6,7 +7,16 @@ import numpy as np
 from jaxtyping import Bool, Int64
 
 from assets.asset import Asset
+from assets.plan import Joints
 from assets.rig import Skeleton
+from avatargen.body.fingers import without_fingers
+from avatargen.body.model import CanonicalBody, canonical_body
+
+
+def body_on(body: CanonicalBody, joints: Joints) -> CanonicalBody:
+    """The body on the joints that are wanted of it before anything is known of a mesh."""
+    fewer = without_fingers(body.source) if joints == "24" else body.source
+    return body if fewer is body.source else canonical_body(fewer)
 
 
 def moving_joints(parents: Int64[np.ndarray, " J"], used: Bool[np.ndarray, " J"]) -> Bool[np.ndarray, " J"]:

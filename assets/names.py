@@ -54,6 +54,10 @@ def preset_tables() -> dict[str, dict[str, str]]:
             unity[f"{side}_{joint}"] = side.capitalize() + unity_name
             mixamo[f"{side}_{joint}"] = side.capitalize() + mixamo_name
             unreal[f"{side}_{joint}"] = f"{unreal_name}_{side[0]}"
+    mixamo["head_end"] = "HeadTop_End"
+    for side in ("left", "right"):
+        mixamo[f"{side}_foot_end"] = f"{side.capitalize()}Toe_End"
+        mixamo |= {f"{side}_{f}3_end": f"{side.capitalize()}Hand{f.capitalize()}4" for f in FINGERS}
     mixamo = {joint: f"mixamorig:{name}" for joint, name in mixamo.items()}
     return {"smpl": {}, "mixamo": mixamo, "unity": unity, "unreal": unreal}
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -24,15 +24,16 @@ from assets.bake import BakeConfig, Texture, bake_texture
 from assets.clean import Cleaning, tidy
 from assets.extract import ExtractConfig, Extraction, trace
 from assets.fit import fit
-from assets.joints import drop_idle_joints
+from assets.joints import body_on, drop_idle_joints
 from assets.measure import SurfaceError, surface_error
 from assets.morph import beta_sliders
-from assets.plan import Content, LeftOut, Plan, make_plan
+from assets.plan import Content, Joints, LeftOut, Plan, make_plan
 from assets.rest import RestMesh, to_rest
 from assets.rig import Morph, Skeleton
 from assets.simplify import SimplifyConfig, simplify
 from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
 from assets.surface import Surface, find_defects
+from avatargen.body.fingers import hand_of_joint
 from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
@@ -71,7 +72,7 @@ class BuildConfig:
     resolution: int = 512  # cells along the longest side of the avatar's box
     faces: int | None = 20_000  # None: all that the resolution gives, for a mesh alone
     texture: int = 1024  # texels along a side
-    joints: Literal["all", "moving"] = "all"  # moving: those alone that move a vertex or carry one that does
+    joints: Joints = "all"  # 24: no fingers; moving: those alone that move a vertex or carry one that does
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
     head_detail: float = 2.0  # texels along a line on the head for one on the body
     morphs: bool = False  # a slider for each of the body's shape directions
@@ -92,6 +93,7 @@ class Shape:
 
     extraction: Extraction
     cleaning: Cleaning
+    body: CanonicalBody  # on the joints that are wanted
     surface: Surface
     attachment: Attachment
     skin: Skin
@@ -137,7 +139,8 @@ def build_content(avatar: AvatarFields, config: BuildConfig, progress: Progress 
 
 def make_shape(avatar: AvatarFields, config: BuildConfig, clock: "Clock") -> Shape:
     """The stages that make the mesh; charts are cut in a process of their own meanwhile."""
-    rotations = find_pose(config.pose, avatar.body)
+    body = body_on(avatar.body, config.joints)
+    rotations = find_pose(config.pose, body)
     with clock("extract"):
         extraction = trace(avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution))
     with clock("clean"):
@@ -147,24 +150,25 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: "Clock") -> Sha
         with clock("simplify"):
             surface = simplify_fitted(surface, avatar, config.faces)
     with clock("skin"):
-        attachment = attach(surface, avatar.body)
-        skin = skin_attached(attachment, avatar.body, SkinConfig())
+        attachment = attach(surface, body)
+        skin = skin_attached(attachment, body, SkinConfig())
     atlas = None
     with ThreadPoolExecutor(1) as beside:
         charts = None
         if "atlas" in clock.plan.stages:
-            parts = parts_of_faces(surface, skin)
-            charts = beside.submit(unwrap, surface, parts, atlas_config(avatar.body, config))
+            parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
+            charts = beside.submit(unwrap, surface, parts, atlas_config(body, config))
         with clock("measure"):
             error = surface_error(surface, avatar.sdf)
         with clock("rest"):
-            rest = to_rest(surface, skin, attachment, avatar.body, avatar.betas, rotations, config.on_ground)
+            rest = to_rest(surface, skin, attachment, body, avatar.betas, rotations, config.on_ground)
         if charts is not None:
             with clock("atlas"):
                 atlas = charts.result()
     return Shape(
         extraction=extraction,
         cleaning=cleaning,
+        body=body,
         surface=surface,
         attachment=attachment,
         skin=skin,
@@ -192,7 +196,7 @@ def rig(
     textured: TexturedAsset, shape: Shape, atlas: Atlas, avatar: AvatarFields, config: BuildConfig
 ) -> Asset:
     """A textured mesh with its skeleton and weights."""
-    body = avatar.body
+    body = shape.body
     asset = Asset(
         **vars(textured),
         joints=shape.skin.joints[atlas.vertex_map],
@@ -214,9 +218,9 @@ def make_morphs(avatar: AvatarFields, shape: Shape, atlas: Atlas, config: BuildC
         shape.surface,
         shape.skin,
         shape.attachment,
-        avatar.body,
+        shape.body,
         avatar.betas,
-        find_pose(config.pose, avatar.body),
+        find_pose(config.pose, shape.body),
     )
     return tuple(
         Morph(

@@ -11,6 +11,7 @@ from typing import Literal
 from avatargen.errors import InputError
 
 Content = Literal["mesh", "textured", "rigged"]
+Joints = Literal["all", "24", "moving"]
 CONTENTS: tuple[Content, ...] = ("mesh", "textured", "rigged")
 # of the work at the default settings; the progress line adds up those that are planned
 STAGES = {
@@ -47,7 +48,7 @@ class Plan:
         return sum(STAGES[stage] for stage in self.stages[:done]) / total
 
 
-def make_plan(content: Content, faces: int | None, joints: Literal["all", "moving"]) -> Plan:
+def make_plan(content: Content, faces: int | None, joints: Joints) -> Plan:
     """The stages that content needs; `faces` None keeps every face of the extracted surface.
 
     Raises:
@@ -78,6 +79,8 @@ def make_plan(content: Content, faces: int | None, joints: Literal["all", "movin
     if content != "rigged":
         why = "nothing will move it; weights served to pose it and are not stored"
         left_out.append(LeftOut(what="skeleton and weights", why=why))
+    elif joints == "24":
+        left_out.append(LeftOut(what="fingers' joints", why="SMPL's 24 are wanted; hands move them all"))
     elif joints == "moving":
         left_out.append(LeftOut(what="idle joints", why="they move no vertex and carry no joint that does"))
     skipped = {stage for item in left_out for stage in item.stages}

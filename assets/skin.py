@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Float32, Float64, Int64
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
-from assets.attach import AttachConfig, Attachment, attach
+from assets.attach import AttachConfig, Attachment, attach, limbs
 from assets.errors import GeometryError
 from assets.surface import Surface, opposite_edges
 from avatargen.body.model import CanonicalBody
@@ -65,8 +65,16 @@ def transfer_weights(surface: Surface, body: CanonicalBody, config: SkinConfig |
 def skin_attached(attachment: Attachment, body: CanonicalBody, config: SkinConfig) -> Skin:
     """`transfer_weights` for a surface that is already attached to the body."""
     weights = np.maximum(attachment.carry(body.weights), 0)
-    weights = smooth(attachment.graph, weights, near_filled(attachment, config.smoothing_rounds), config)
-    return limit_influences(weights)
+    # four rings of edges are longer than a finger's bone: there only what was filled is smoothed
+    slender = weights @ on_short_bones(body, config.attach.shortest_bone) > 0.5
+    near = near_filled(attachment, config.smoothing_rounds) & ~(attachment.trusted & slender)
+    return limit_influences(smooth(attachment.graph, weights, near, config))
+
+
+def on_short_bones(body: CanonicalBody, shortest: float) -> Float64[np.ndarray, " J"]:
+    """1 for each joint of a chain of short bones, 0 for others."""
+    chains = limbs(body, shortest)
+    return chains @ (chains.sum(axis=0) > 1)
 
 
 def near_filled(attachment: Attachment, rings: int) -> Bool[np.ndarray, " V"]:
@@ -109,11 +117,16 @@ def limit_influences(weights: Float[np.ndarray, "V J"]) -> Skin:
     return Skin(joints=np.where(kept > 0, joints, 0).astype(np.int64), weights=kept)
 
 
-def parts_of_faces(surface: Surface, skin: Skin, smallest: int = 40) -> Int64[np.ndarray, " F"]:
-    """The joint that dominates each face; regions of fewer than `smallest` faces join the neighbour they
-    share most edges with."""
-    joint_count = int(skin.joints.max()) + 1
-    part = skin.dense(joint_count)[surface.faces].sum(axis=1).argmax(axis=1)
+def parts_of_faces(
+    surface: Surface, skin: Skin, part_of_joint: Int64[np.ndarray, " J"] | None = None, smallest: int = 40
+) -> Int64[np.ndarray, " F"]:
+    """The part that dominates each face, by default a joint; regions of fewer than `smallest` faces join the
+    neighbour they share most edges with."""
+    joint_count = int(skin.joints.max()) + 1 if part_of_joint is None else len(part_of_joint)
+    weights = skin.dense(joint_count)
+    if part_of_joint is not None:
+        weights = weights @ np.eye(joint_count)[part_of_joint]
+    part = weights[surface.faces].sum(axis=1).argmax(axis=1)
     twin = opposite_edges(surface.faces, len(surface.vertices))
     edge = np.flatnonzero(twin >= 0)
     here, there = edge // 3, twin[edge] // 3

@@ -19,6 +19,7 @@ from torch import Tensor, nn
 
 from avatargen import __version__
 from avatargen.body.distance import BodyDistance
+from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
 from avatargen.body.model import Body, CanonicalBody, canonical_body
 from avatargen.errors import FieldError, InputError
@@ -234,6 +235,11 @@ def require_exportable(config: GeneratorConfig) -> None:
 def shipped(name: str) -> Path:
     """A file that comes with the package."""
     return Path(str(resources.files("avatargen"))) / "pretrained" / name
+
+
+def training_body() -> Body:
+    """The default body as data sets and training have it: on SMPL's 24 joints, which need no fingers."""
+    return without_fingers(load_body(shipped("body.npz")))
 
 
 def trained_body(wanted: str) -> CanonicalBody:

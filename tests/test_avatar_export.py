@@ -21,7 +21,7 @@ import trimesh
 
 import exporters
 from avatargen import __version__
-from avatargen.body.joints import SMPL_JOINT_NAMES
+from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.load import save_body
 from avatargen.body.model import canonical_body
 from avatargen.commands import avatar_export, export_run
@@ -313,7 +313,7 @@ def test_shipped_weights_from_seed_to_flawless_file() -> None:
     assert runs[0] == runs[1]
     document = check_file(Path("first.glb"), faces=20000, texture=1024)
     assert khronos_issues(Path("first.glb"))["messages"] == []
-    assert [document.nodes[joint].name for joint in document.skins[0].joints] == list(SMPL_JOINT_NAMES)
+    assert [document.nodes[joint].name for joint in document.skins[0].joints] == list(SMPLH_JOINT_NAMES)
     assert report["error_mm"]["mean"] <= 0.2
     assert report["error_mm"]["p99"] <= 1.0
     low, high = trimesh.load_scene(Path("first.glb")).bounds[:, 1]

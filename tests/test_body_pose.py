@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from avatargen.body.joints import SMPL_JOINT_NAMES
+from avatargen.body.joints import FINGERS, SMPL_JOINT_NAMES, SMPLH_JOINT_NAMES, SMPLX_JOINT_NAMES
 from avatargen.body.pose import axis_angle_to_matrix, load_pose, named_pose
 from avatargen.errors import InputError
 
@@ -48,12 +48,12 @@ def test_pose_files_in_their_many_forms(tmp_path: Path, arrays: dict, frame: np.
     path = tmp_path / "pose.npz"
     np.savez(path, **{key: np.arange(np.prod(size)).reshape(size) / 100 for key, size in arrays.items()})
 
-    assert np.allclose(load_pose(path, 24).ravel(), frame / 100)
+    assert np.allclose(load_pose(path, SMPL_JOINT_NAMES).ravel(), frame / 100)
 
 
 def test_shorter_poses_leave_the_last_joints_at_rest(tmp_path: Path):
     np.savez(tmp_path / "p.npz", pose=np.ones((22, 3)))
-    assert (load_pose(tmp_path / "p.npz", 24)[22:] == 0).all()
+    assert (load_pose(tmp_path / "p.npz", SMPL_JOINT_NAMES)[22:] == 0).all()
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_shorter_poses_leave_the_last_joints_at_rest(tmp_path: Path):
     [
         {"angles": np.zeros(72)},
         {"pose": np.zeros(71)},
-        {"pose": np.zeros((25, 3))},
+        {"pose": np.zeros((53, 3))},
         {"pose": np.full(72, np.nan)},
         {"pose": np.array(["a"] * 72)},
         {"pose": np.zeros((0, 3))},
@@ -72,6 +72,22 @@ def test_shorter_poses_leave_the_last_joints_at_rest(tmp_path: Path):
 def test_files_that_hold_no_pose_are_refused(tmp_path: Path, arrays: dict):
     np.savez(tmp_path / "p.npz", **arrays)
     with pytest.raises(InputError, match="pose"):
-        load_pose(tmp_path / "p.npz", 24)
+        load_pose(tmp_path / "p.npz", SMPL_JOINT_NAMES)
     with pytest.raises(InputError, match="cannot read"):
-        load_pose(tmp_path / "none.npz", 24)
+        load_pose(tmp_path / "none.npz", SMPL_JOINT_NAMES)
+
+
+def test_poses_of_other_skeletons_are_matched_by_name(tmp_path: Path):
+    rng = np.random.default_rng(0)
+    for source, target in ((SMPL_JOINT_NAMES, SMPLH_JOINT_NAMES), (SMPLX_JOINT_NAMES, SMPL_JOINT_NAMES)):
+        angles = rng.normal(size=(len(source), 3)).astype(np.float32)
+        np.savez(tmp_path / "p.npz", pose=angles)
+        found = dict(zip(target, load_pose(tmp_path / "p.npz", target), strict=True))
+        given = dict(zip(source, angles, strict=True))
+        for name in set(source) & set(target):
+            assert np.array_equal(found[name], given[name])
+        if "left_hand" in given:
+            assert all(np.array_equal(found[f"left_{f}1"], given["left_hand"]) for f in FINGERS[:4])
+            assert not found["left_thumb1"].any() and not found["left_index2"].any()
+        else:
+            assert np.array_equal(found["right_hand"], given["right_middle1"])

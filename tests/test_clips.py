@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from avatargen.avatar import shipped
+from avatargen.body.derive import SMPLH_PARENTS
 from avatargen.body.load import load_body
 from avatargen.body.model import forward_kinematics
 from avatargen.errors import InputError
@@ -22,7 +23,10 @@ from tests.figures import figure, symmetric_figure
 FIGURES = ("default", "capsule")
 # degrees that a joint of a calm clip may turn from the T-pose, whatever the axis
 LARGEST = {"hip": 50, "knee": 75, "ankle": 40, "foot": 60, "spine": 12, "neck": 10, "head": 12, "collar": 12,
-    "pelvis": 12, "shoulder": 130, "elbow": 130, "wrist": 20, "hand": 20}  # fmt: skip
+    "pelvis": 12, "shoulder": 130, "elbow": 130, "wrist": 20, "hand": 20,
+    "index": 20, "middle": 20, "ring": 20, "pinky": 20}  # fmt: skip
+
+PARENTS = {24: SMPL_PARENTS, 52: np.array(SMPLH_PARENTS)}
 
 
 @functools.cache
@@ -39,7 +43,7 @@ def world(figure: Figure, motion: Motion) -> np.ndarray:
             turns[figure.joint_names.index(name)] = Rotation.from_quat(
                 motion.rotations[frame, index]
             ).as_matrix()
-        posed = forward_kinematics(figure.joints, turns, SMPL_PARENTS)
+        posed = forward_kinematics(figure.joints, turns, PARENTS[len(turns)])
         posed[:, :3, 3] += motion.translation[frame]
         frames.append(posed)
     return np.array(frames)
@@ -164,17 +168,23 @@ def test_calm_clips_stay_within_limits(clip: str, name: str) -> None:
 def test_range_test_reaches_both_ends_of_every_range_one_after_another() -> None:
     person = body_figure("default")
     motion = make_clip("range", person, fps=40.0)
-    rows = [row for row in RANGES if set(row.joints) <= set(person.joint_names)]
+    rows = [row for row in RANGES if {joint for joint, _ in row.turns} <= set(person.joint_names)]
+    assert len(rows) == len(RANGES) - 1  # all but the row of a hand without fingers
     assert motion.seconds == len(rows)
     for index, row in enumerate(rows):
         second = (motion.times >= index) & (motion.times <= index + 1)
-        for joint in row.joints:
+        moved = {joint for joint, _ in row.turns}
+        for joint, axis in row.turns:
             turns = motion.rotations[second, motion.joint_names.index(joint)]
-            angles = np.degrees(Rotation.from_quat(turns).as_rotvec()[:, row.axis])
-            assert (angles.min(), angles.max()) == pytest.approx((row.low, row.high), abs=1e-6)
-        others = [
-            i for i, name in enumerate(motion.joint_names) if not set(row.joints) & {name, mirror(name)}
-        ]
+            long = float(np.linalg.norm(axis))
+            vectors = np.degrees(Rotation.from_quat(turns).as_rotvec())
+            if long == 0:  # the middle finger stays when others spread
+                assert np.abs(vectors).max() < 1e-6
+                continue
+            angles = vectors @ (np.array(axis) / long)
+            assert (angles.min(), angles.max()) == pytest.approx((row.low * long, row.high * long), abs=1e-6)
+            assert np.abs(vectors - angles[:, None] * axis / long).max() < 1e-6
+        others = [i for i, name in enumerate(motion.joint_names) if not moved & {name, mirror(name)}]
         turned = Rotation.from_quat(motion.rotations[second][:, others].reshape(-1, 4)).magnitude()
         assert turned.max(initial=0) < 1e-9
 

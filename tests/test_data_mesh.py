@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from avatargen.avatar import shipped
+from avatargen.avatar import training_body
 from avatargen.body.distance import BodyDistance
-from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body, pose, shape
 from avatargen.body.pose import named_pose
 from avatargen.data.mesh import Tailor, pose_mesh
@@ -21,7 +20,7 @@ CELL = 0.024
 
 @pytest.fixture(scope="module")
 def tailor() -> Tailor:
-    return Tailor(canonical_body(load_body(shipped("body.npz"))), CELL)
+    return Tailor(canonical_body(training_body()), CELL)
 
 
 def someone(seed: int) -> People:

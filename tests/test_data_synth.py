@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from avatargen.avatar import shipped
-from avatargen.body.load import load_body
+from avatargen.avatar import training_body
 from avatargen.body.model import canonical_body
 from avatargen.commands.main import main
 from avatargen.data.dataset import Pictures, open_pictures
@@ -57,7 +56,7 @@ def test_processes_resuming_and_extending_make_the_same_files(folder: Path, tmp_
 
 def test_labels_describe_the_pictures(folder: Path):
     """The bare body of an untrained generator, at the labels, covers what the masks cover."""
-    body = load_body(shipped("body.npz"))
+    body = training_body()
     config = for_body(DEBUG, canonical_body(body))
     render = replace(config.render, raw_size=32, image_size=32, samples=32, initial_alpha=2e-3, shell=0.1)
     generator = AvatarGenerator(replace(config, render=render))

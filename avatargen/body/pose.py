@@ -8,9 +8,10 @@ zeros is the T-pose (arms out along x, legs straight down). y up, the person fac
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from avatargen.body.arrays import read_npz
+from avatargen.body.joints import JOINT_NAMES, driving_name
 from avatargen.errors import InputError
 
 Z_AXIS_POSES = {  # radians about z, by joint name; every joint not named stays at zero
@@ -58,12 +59,13 @@ def named_pose(name: str, joint_names: tuple[str, ...]) -> Float[np.ndarray, "J 
     return rotations
 
 
-def load_pose(path: str | Path, joint_count: int) -> Float[np.ndarray, "J 3"]:
-    """Read one pose of `joint_count` joints from an .npz file.
+def load_pose(path: str | Path, joint_names: tuple[str, ...]) -> Float[np.ndarray, "J 3"]:
+    """Read one pose for a skeleton with these joints from an .npz file.
 
     The file holds `pose` or `poses` ([J 3] or [3J]; of a sequence [T ...] the first frame is taken), or
-    `global_orient` and `body_pose`, in axis-angle radians. Joints missing at the end stay at zero (a 24-joint
-    body reads a 22-joint pose).
+    `global_orient` and `body_pose`, in axis-angle radians. A pose of another count than the skeleton's is
+    matched by the names of SMPL's, SMPL-H's or SMPL-X's joints where it has one of their counts, and in order
+    elsewhere; joints that it does not have stay at zero.
 
     Raises:
         InputError: the file is missing, damaged, has none of the keys, or the numbers fit no pose of this
@@ -79,12 +81,26 @@ def load_pose(path: str | Path, joint_count: int) -> Float[np.ndarray, "J 3"]:
             f"pose: {path} holds none of pose, poses, body_pose; save one of them as [J, 3] axis-angle"
         )
     angles = first_frame(found, None)
-    if angles.size % 3 or not 0 < angles.size <= 3 * joint_count:
-        raise InputError(f"pose: {path} holds {angles.size} numbers; the body takes up to {joint_count} x 3")
     if not (np.abs(angles) < LARGEST_ANGLE).all():  # also catches NaN
         raise InputError(f"pose: {path} holds NaN, infinite or huge angles; save axis-angle in radians")
-    rotations = np.zeros((joint_count, 3), dtype=np.float32)
-    rotations.reshape(-1)[: angles.size] = angles
+    J = len(joint_names)
+    known = JOINT_NAMES.get(angles.size // 3, ())
+    if angles.size % 3 or not angles.size or (angles.size > 3 * J and not set(known) & set(joint_names)):
+        raise InputError(f"pose: {path} holds {angles.size} numbers; the body takes up to {J} x 3")
+    return on_joints(angles.reshape(-1, 3), joint_names)
+
+
+def on_joints(angles: Float[np.ndarray, "K 3"], joint_names: tuple[str, ...]) -> Float32[np.ndarray, "J 3"]:
+    """A pose of K joints for a skeleton of J, by name where both are known by SMPL's names, else in order."""
+    rotations = np.zeros((len(joint_names), 3), dtype=np.float32)
+    known = JOINT_NAMES.get(len(angles), ())
+    if len(angles) == len(joint_names) or not set(known) & set(joint_names):
+        rotations[: len(angles)] = angles
+        return rotations
+    for joint, name in enumerate(joint_names):
+        driver = driving_name(name, known)
+        if driver is not None:
+            rotations[joint] = angles[known.index(driver)]
     return rotations
 
 

@@ -45,8 +45,7 @@ def run(options: Options) -> None:
     from accelerate import Accelerator
 
     from avatargen.atomic import write_together
-    from avatargen.avatar import shipped
-    from avatargen.body.load import load_body
+    from avatargen.avatar import training_body
     from avatargen.data.dataset import open_pictures
     from avatargen.metrics.ablations import run_ablations, table
     from avatargen.training.adversarial_config import PRESETS
@@ -58,7 +57,7 @@ def run(options: Options) -> None:
         base,
         open_pictures(options.data, size),
         open_pictures(options.held_out, size),
-        load_body(shipped("body.npz")),
+        training_body(),
         options.out,
         Accelerator(mixed_precision=base.precision, cpu=not torch.cuda.is_available()),
         lambda name: print(name, flush=True),

@@ -112,8 +112,8 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     )
     shape.add_argument(
         "--joints",
-        choices=("all", "moving"),
-        help="moving: drop joints that move no vertex (default: all)",
+        choices=("all", "24", "moving"),
+        help="24: no fingers; moving: drop joints that move no vertex (default: all, or by --scene)",
     )
     shape.add_argument(
         "--faces",
@@ -164,6 +164,13 @@ def add_rig_options(group: argparse._ArgumentGroup) -> None:
         default="smpl",
         help="whose names the joints get (default: smpl)",
     )
+    add(
+        "--bones",
+        choices=("along", "world"),
+        default="along",
+        help="joints' frames: +y along each bone, as modellers draw it, or the world's axes (default: along)",
+    )
+    add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
     add(
         "--clip",

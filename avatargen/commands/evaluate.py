@@ -42,8 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run(options: Options) -> None:
     """Load, measure, print, write."""
     from avatargen.atomic import check_writable, write_atomically
-    from avatargen.avatar import shipped
-    from avatargen.body.load import load_body
+    from avatargen.avatar import training_body
     from avatargen.data.dataset import open_pictures
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.generator.picture import CanonicalSurface
@@ -58,7 +57,7 @@ def run(options: Options) -> None:
         features = ("FID", load_inception(options.inception))
     report = evaluate(
         checkpoint.generator,
-        CanonicalSurface(load_body(shipped("body.npz"))),
+        CanonicalSurface(training_body()),
         open_pictures(options.data, size),
         open_pictures(options.reference, size),
         features,

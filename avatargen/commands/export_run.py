@@ -15,6 +15,8 @@ import torch
 import avatargen
 from assets import Asset, BuildConfig, PlainAsset, animate, build_content
 from assets.asset import Report
+from assets.bones import add_ends, aim_bones
+from assets.joints import body_on
 from assets.names import rename_joints
 from assets.plan import CONTENTS, Content
 from assets.preview import render
@@ -133,7 +135,7 @@ def open_workshop(given: Namespace, wanted: Format) -> Workshop:
     require_device(given.device)
     motions = load_motions(given)
     generator = avatargen.load_generator(given.weights, body=given.body, device=given.device)
-    settings = with_pose(settings, given.pose, len(generator.body.parents))
+    settings = with_pose(settings, given.pose, body_on(generator.body, settings.joints).joint_names)
     return Workshop(given=given, settings=settings, generator=generator, motions=motions)
 
 
@@ -157,8 +159,15 @@ def make_avatar(workshop: Workshop, seed: int, clock: Clock) -> Made:
     if isinstance(asset, Asset):
         with clock.stage("animate"):
             motions = finish_motions(given, workshop.motions, asset)
-            asset = rename_joints(animate(asset, motions, settings.on_ground), given.names)
+            asset = animate(with_bones(asset, given), motions, settings.on_ground)
+            asset = rename_joints(asset, given.names)
     return Made(asset=asset, report=report, settings=settings, motions=motions, avatar=avatar, fit=fit)
+
+
+def with_bones(asset: Asset, given: Namespace) -> Asset:
+    """The asset with the joints' frames and the end joints that the options want."""
+    asset = add_ends(asset) if given.ends else asset
+    return aim_bones(asset) if given.bones == "along" else asset
 
 
 def require_device(name: str) -> None:
@@ -192,10 +201,11 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
         )
     options["pose"] = wanted.rest_pose or named
     options["morphs"] = given.morphs
-    if content != "rigged" and (given.clip or given.motion or given.morphs or given.names != "smpl"):
+    of_rig = given.clip or given.motion or given.morphs or given.ends or given.names != "smpl"
+    if content != "rigged" and of_rig:
         raise InputError(
             f"found options of the rig, but what is made holds no skeleton ({content}); leave out --clip, "
-            "--motion, --morphs and --names, or choose glb, vrm or usdz and a scene that moves"
+            "--motion, --morphs, --ends and --names, or choose glb, vrm or usdz and a scene that moves"
         )
     base = BuildConfig(
         content=content,
@@ -207,11 +217,11 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
     return dataclasses.replace(base, **{name: value for name, value in options.items() if value is not None})
 
 
-def with_pose(config: BuildConfig, pose: str | None, joint_count: int) -> BuildConfig:
+def with_pose(config: BuildConfig, pose: str | None, joint_names: tuple[str, ...]) -> BuildConfig:
     """The settings with the pose file's rotations, where --pose names a file."""
     if pose is None or pose.lower() in NAMED_POSES:
         return config
-    return dataclasses.replace(config, pose=load_pose(pose, joint_count))
+    return dataclasses.replace(config, pose=load_pose(pose, joint_names))
 
 
 def make_report(

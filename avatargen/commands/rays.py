@@ -40,8 +40,7 @@ def run(options: Options) -> None:
     from importlib.util import find_spec
 
     from avatargen.atomic import write_together
-    from avatargen.avatar import shipped
-    from avatargen.body.load import load_body
+    from avatargen.avatar import shipped, training_body
     from avatargen.data.dataset import open_pictures
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.generator.picture import CanonicalSurface
@@ -49,7 +48,7 @@ def run(options: Options) -> None:
 
     generator = load_checkpoint(options.weights or shipped("generator.safetensors")).generator
     data = open_pictures(options.data, generator.config.render.image_size)
-    surface = CanonicalSurface(load_body(shipped("body.npz")))
+    surface = CanonicalSurface(training_body())
     costs = ray_costs(generator, surface, data, min(options.pictures, len(data)))
     options.out.mkdir(parents=True, exist_ok=True)
     text = json.dumps([asdict(cost) for cost in costs], indent=1) + "\n"

@@ -16,14 +16,14 @@ class Scene:
     resolution: int = 512
     faces: int | None = 20_000  # None: every face of the extracted surface
     texture: int = 1024
-    joints: Literal["all", "moving"] = "all"
+    joints: Literal["all", "24", "moving"] = "all"
 
 
 SCENES = {
     "hero": Scene(purpose="seen close, moving", resolution=768, faces=40_000, texture=2048),
     "game": Scene(purpose="the default: one of a few, moving"),
     "crowd": Scene(
-        purpose="one of hundreds, far away", resolution=256, faces=2_000, texture=256, joints="moving"
+        purpose="one of hundreds, far away", resolution=256, faces=2_000, texture=256, joints="24"
     ),
     "print": Scene(
         purpose="a statue for a 3D printer", format="stl", content="mesh", resolution=384, faces=None

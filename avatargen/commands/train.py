@@ -85,8 +85,7 @@ def run(options: Options) -> None:
     import torch
     from accelerate import Accelerator
 
-    from avatargen.avatar import shipped
-    from avatargen.body.load import load_body
+    from avatargen.avatar import shipped, training_body
     from avatargen.data.dataset import open_pictures
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.training.adversarial import train
@@ -101,7 +100,7 @@ def run(options: Options) -> None:
     train(
         config,
         pictures,
-        load_body(shipped("body.npz")),
+        training_body(),
         options.out,
         accelerator,
         lambda line: print(line, flush=True),

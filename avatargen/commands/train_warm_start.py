@@ -39,15 +39,14 @@ def run(options: Options) -> None:
     """Fit the preset to the default body and train."""
     from dataclasses import replace
 
-    from avatargen.avatar import shipped
-    from avatargen.body.load import load_body
+    from avatargen.avatar import training_body
     from avatargen.body.model import canonical_body
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.generator.config import PRESETS, for_body
     from avatargen.training.warm_start import train
     from avatargen.wardrobe.attributes import LATENT_SIZE
 
-    body = canonical_body(load_body(shipped("body.npz")))
+    body = canonical_body(training_body())
     config = for_body(PRESETS[options.preset], body)
     blocks = config.synthesis.blocks
     if options.plane_resolution is not None:

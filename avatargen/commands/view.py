@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def parse(arguments: Sequence[str] | None) -> Namespace:
     parser = OneLineParser(
         PROGRAM,
-        description="Look at people in the browser: seeds, poses, skin weights, error; download them.",
+        description="Look at people in the browser: seeds, poses, clips, skin weights, error; download them.",
         epilog=EXAMPLES,
         formatter_class=RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -72,15 +72,16 @@ def run(given: Namespace) -> None:
     check_address(given.host)
     from assets import BuildConfig
     from avatargen import load_generator
-    from avatargen.commands.viewer.page import Page, PrivateServer
+    from avatargen.commands.viewer.page import Page
     from avatargen.commands.viewer.people import People
+    from avatargen.commands.viewer.server import PrivateServer
 
     sampler = load_generator(given.weights, body=given.body)
     people = People(
         sampler, lambda faces: BuildConfig(faces=faces, resolution=given.resolution, texture=given.texture)
     )
     with redirect_stdout(sys.stderr):  # it says hello
-        server = PrivateServer(host=given.host, port=given.port, verbose=False)
+        server = PrivateServer(host=given.host, port=given.port)
     if given.host not in LOOPBACK:
         print(f"{PROGRAM}: everyone who reaches {given.host} can open this page", file=sys.stderr)
     print(f"http://{given.host}:{server.get_port()}", flush=True)

@@ -25,7 +25,6 @@ import torch
 from PIL import Image
 
 from avatargen.atomic import write_atomically
-from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels, joined, read_labels
 from avatargen.errors import InputError
@@ -154,11 +153,11 @@ class PersonMaker:
     """Makes all files of one person after another."""
 
     def __init__(self, config: SynthConfig) -> None:
-        from avatargen.avatar import shipped
+        from avatargen.avatar import training_body
         from avatargen.data.mesh import Tailor
 
         self.config = config
-        self.tailor = Tailor(canonical_body(load_body(shipped("body.npz"))), config.cell)
+        self.tailor = Tailor(canonical_body(training_body()), config.cell)
 
     def make(self, out: Path, person: int) -> None:
         """Pictures, masks and depth, and last of all the record that says they are whole."""

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from avatargen.body.joints import driving_name
 from avatargen.errors import InputError
 from avatargen.motion.figure import Figure
 from avatargen.motion.gait import SECONDS as WALK_SECONDS
@@ -47,8 +48,9 @@ def make_clip(name: str, figure: Figure, fps: float = FPS) -> Motion:
     seconds = CLIPS[name].seconds(figure)
     times = np.linspace(0, seconds, max(2, round(seconds * fps) + 1))
     turns, place = CLIPS[name].function(figure, times)
-    names = tuple(joint for joint in figure.joint_names if joint in turns)
-    matrices = np.stack([turns[joint] for joint in names], axis=1)
+    drivers = {joint: driving_name(joint, turns) for joint in figure.joint_names}
+    names = tuple(joint for joint, driver in drivers.items() if driver is not None)
+    matrices = np.stack([turns[driver] for driver in drivers.values() if driver is not None], axis=1)
     quaternions = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_quat().reshape(*matrices.shape[:2], 4)
     return Motion(
         name=name, joint_names=names, times=times, rotations=continuous(quaternions), translation=place

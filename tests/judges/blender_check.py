@@ -30,6 +30,7 @@ def describe(imported: Imported) -> dict[str, object]:
     return {
         "bones": {bone.name: bone.parent.name if bone.parent else None for bone in bones},
         "heads": {bone.name: list(imported.armature.matrix_world @ bone.head_local) for bone in bones},
+        "tails": {bone.name: list(imported.armature.matrix_world @ bone.tail_local) for bone in bones},
         "vertex_groups": [group.name for group in imported.mesh.vertex_groups],
         "groups_with_vertices": sorted(grouped),
         "triangles": len(imported.mesh.data.loop_triangles),

@@ -6,19 +6,24 @@ viser calls back from threads of its own; those calls only note what is wanted, 
 import io
 import queue
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import viser
 
+from assets.animate import animate, figure_of
 from assets.asset import Asset, TexturedAsset
+from assets.bones import aim_bones
 from assets.paint import PLAIN, joint_weights, painted
 from assets.posed import posed
 from avatargen.body.pose import named_pose
-from avatargen.body.stance import LIMBS, STANCES, limb_rotations
+from avatargen.body.stance import FINGER_LIMBS, LIMBS, STANCES, Limb, limb_rotations
 from avatargen.commands.viewer.people import People, Person, Wish
 from avatargen.errors import AvatarGenError, InputError
+from avatargen.motion.clips import CLIPS, make_clip
+from avatargen.motion.motion import in_place
 from exporters import FORMATS, encode, find_format, glb
 
 LARGEST_SEED = 2**53 - 1  # whole numbers that a browser keeps exactly
@@ -30,14 +35,10 @@ GROUPS = {
     "trunk and head": ("bend", "turn", "nod", "look"),
     "arms": ("left arm", "right arm", "left elbow", "right elbow"),
     "legs": ("left leg", "right leg", "left knee", "right knee", "left foot", "right foot"),
+    "left hand": tuple(name for name in FINGER_LIMBS if name.startswith("left")),
+    "right hand": tuple(name for name in FINGER_LIMBS if name.startswith("right")),
 }
-
-
-class PrivateServer(viser.ViserServer):
-    """A server that no visitor can make public: viser would open a tunnel to the outside on request."""
-
-    def request_share_url(self, verbose: bool = True) -> str | None:
-        return None
+STILL = "none"  # the clip that is not played
 
 
 class Page:
@@ -74,17 +75,26 @@ class Page:
         gui = self.server.gui
         self.angles: dict[str, viser.GuiInputHandle[float]] = {}
         with gui.add_folder("Pose"):
+            self.clip = gui.add_dropdown(
+                "clip", (STILL, *CLIPS), initial_value=STILL, hint="played on the spot; the pose waits"
+            )
             self.stance = gui.add_dropdown("pose", tuple(STANCES), initial_value="a")
             for title, starts in GROUPS.items():
+                names = [name for name in LIMBS if name.startswith(starts) and self.can_turn(LIMBS[name])]
+                if not names:
+                    continue
                 with gui.add_folder(title, expand_by_default=False):
-                    for name in (name for name in LIMBS if name.startswith(starts)):
+                    for name in names:
                         limb = LIMBS[name]
                         self.angles[name] = gui.add_slider(
                             name, min=limb.low, max=limb.high, step=1, initial_value=0
                         )
         self.take_stance()
         self.stance.on_update(lambda event: self.take_stance())
-        self.draw_on_change(*self.angles.values())
+        self.draw_on_change(self.clip, *self.angles.values())
+
+    def can_turn(self, limb: Limb) -> bool:
+        return any(joint in self.people.joint_names for joint, _ in limb.turns)
 
     def add_view_controls(self) -> None:
         gui = self.server.gui
@@ -151,11 +161,16 @@ class Page:
         )
         person = self.people.get(wish, self.show_progress)
         angles = {name: float(control.value) for name, control in self.angles.items()}
+        playing = self.clip.value != STILL
         self.asset = person.asset
-        self.shape = posed(person.asset, limb_rotations(angles, person.asset.skeleton.joint_names))
+        if playing:
+            self.shape = play(person.asset, self.clip.value, on_the_spot=True)
+        else:
+            self.shape = posed(person.asset, limb_rotations(angles, person.asset.skeleton.joint_names))
         self.status.content = describe(person)
         self.joint.visible = self.shown.value == "skin weights"
         self.scale.visible = self.shown.value == "error"
+        self.wireframe.disabled = playing  # its lines would stand still
         self.server.scene.add_glb("/person", glb.encode(self.colored(self.shape, person)))
         self.show_edges(self.shape)
 
@@ -175,7 +190,7 @@ class Page:
     def show_edges(self, shape: Asset) -> None:
         """The wireframe, where it is wanted."""
         scene = self.server.scene
-        if self.wireframe.value:
+        if self.wireframe.value and self.clip.value == STILL:
             scene.add_mesh_simple("/edges", shape.vertices, shape.faces, wireframe=True, color=LINES)
         else:
             scene.remove_by_name("/edges")
@@ -186,20 +201,35 @@ class Page:
         self.status.content = f"Seed {int(self.seed.value)}: {stage} ..."
 
     def file(self) -> tuple[str, bytes]:
-        """Name and content of the file asked for; several files that belong together come in a .zip.
+        """Name and content of the file asked for, with the clip that plays; several files that belong
+        together come in a .zip.
 
         Raises:
             AvatarGenError: there is no person yet, or that format cannot hold this one.
         """
-        asset = self.shape if self.as_posed.value else self.asset
-        if asset is None:
+        if self.asset is None or self.shape is None:
             raise InputError("there is no person to download yet; choose another seed")
-        name = f"avatar_{asset.info.seed}.{self.format.value}"
+        name = f"avatar_{self.asset.info.seed}.{self.format.value}"
         rest = find_format(name).rest_pose
         if rest is not None:
-            asset = posed(asset, named_pose(rest, asset.skeleton.joint_names))
+            asset = posed(self.asset, named_pose(rest, self.asset.skeleton.joint_names))
+        elif self.clip.value != STILL:
+            asset = play(self.asset, self.clip.value, on_the_spot=False)
+        else:
+            asset = self.shape if self.as_posed.value else self.asset
+        asset = aim_bones(asset)
         files = encode(asset, name)
         return (name, files[0][1]) if len(files) == 1 else (f"{name}.zip", zipped(files))
+
+
+def play(asset: Asset, clip: str, on_the_spot: bool) -> Asset:
+    """The asset with a built-in clip alone.
+
+    Raises:
+        InputError: the skeleton lacks a joint that the clip moves.
+    """
+    motion = make_clip(clip, figure_of(asset))
+    return animate(replace(asset, animations=()), [in_place(motion) if on_the_spot else motion])
 
 
 def zipped(files: list[tuple[Path, bytes]]) -> bytes:
