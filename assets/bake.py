@@ -26,7 +26,7 @@ MOST_TEXELS = 1 << 21  # whose places and values are held at once
 
 @dataclass(frozen=True, kw_only=True)
 class BakeConfig:
-    """The texture's size, and `samples` x `samples` questions a texel."""
+    """The texture's size, and `samples` x `samples` questions a texel, whose light is averaged."""
 
     texture_size: int = 1024
     samples: int = 1
@@ -103,9 +103,19 @@ def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfi
     for chunk in laid.chunks():
         colors = np.zeros((len(chunk), 3))
         for offset in sample_offsets(config.samples):
-            colors += ask(color, laid.points(surface, chunk, offset), 3)
-        texels[chunk] = np.rint(255 * np.clip(colors / config.samples**2, 0, 1))
+            colors += to_linear(np.clip(ask(color, laid.points(surface, chunk, offset), 3), 0, 1))
+        texels[chunk] = np.rint(255 * to_srgb(colors / config.samples**2))
     return Texture(texels=laid.spread(texels), coverage=laid.coverage)
+
+
+def to_linear(srgb: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:
+    """Light, which can be averaged, of sRGB values in 0..1 (IEC 61966-2-1)."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def to_srgb(linear: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:
+    """The inverse of `to_linear`."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def lay_texels(atlas: Atlas, size: int) -> Texels:
