@@ -15,6 +15,7 @@ from jaxtyping import Float32, Int, Int64, UInt8
 
 from assets.errors import GeometryError
 from assets.measure import SurfaceError
+from assets.normal_map import NormalMap
 from assets.plan import LeftOut
 from assets.rig import Animation, Morph, Skeleton
 
@@ -70,10 +71,11 @@ class PlainAsset:
 
 @dataclass(frozen=True, kw_only=True)
 class TexturedAsset(PlainAsset):
-    """A mesh with a base colour texture."""
+    """A mesh with a base colour texture and, where it is seen close, a normal map."""
 
     uv: Float32[np.ndarray, "W 2"]
     texture: UInt8[np.ndarray, "S S 3"]
+    normal_map: NormalMap | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -81,6 +83,10 @@ class TexturedAsset(PlainAsset):
         if self.uv.min() < 0 or self.uv.max() > 1:
             raise GeometryError(
                 f"asset: uv reach from {self.uv.min():g} to {self.uv.max():g}; 0 to 1 is needed"
+            )
+        if self.normal_map is not None and len(self.normal_map.tangents) != len(self.vertices):
+            raise GeometryError(
+                f"asset: {len(self.normal_map.tangents)} tangents for {len(self.vertices)} vertices"
             )
 
 

@@ -23,6 +23,7 @@ from avatargen.errors import InputError
 
 NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
 ADOPTING_ROUNDS = 8
+SIDE_TO_PADDING = 128  # of the texture
 MARGIN = 1.5  # texels between a face packed alone and its cell's border
 
 
@@ -31,7 +32,6 @@ class AtlasConfig:
     """The texture the atlas is for, and how xatlas may spend its time."""
 
     texture_size: int = 1024  # texels along a side
-    padding: int = 4  # texels between charts
     time_limit: float = 30.0  # seconds, for each 10,000 faces
     # parts with texels finer than the others', by factor
     scales: tuple[tuple[int, float], ...] = field(default=())
@@ -41,6 +41,11 @@ class AtlasConfig:
             raise InputError(f"atlas: a texture of {self.texture_size} texels; choose 16 to 16384")
         if any(not 0.1 <= scale <= 10 for _, scale in self.scales):
             raise InputError("atlas: a part's scale must lie in 0.1 to 10")
+
+    @property
+    def padding(self) -> int:
+        """Texels between charts: room for what smaller copies of the texture take in around one."""
+        return max(2, self.texture_size // SIDE_TO_PADDING)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,10 +27,10 @@ from avatargen.body.model import CanonicalBody
 class AttachConfig:
     """When a closest point is trusted."""
 
-    largest_distance: float = 0.025  # metres
+    largest_distance: float = 0.1  # metres: what loose cloth stands off
     largest_angle: float = 40.0  # degrees between the normals
-    largest_jump: float = 0.5  # share of the weight that may change joints along a short edge
-    jump_length: float = 0.1  # metres of edge along which it may change joints altogether on top of that
+    largest_jump: float = 0.25  # share of the weight that may change joints along a short edge
+    jump_length: float = 0.2  # metres of edge along which it may change joints altogether on top of that
     shortest_bone: float = 0.045  # metres: a joint nearer to its parent counts as one with it, as in a finger
 
 

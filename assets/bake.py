@@ -3,8 +3,8 @@
 Beyond the charts' edges the faces go on flat for as far as bilinear filtering reaches; the rest takes the
 nearest texel's colour, so that neither filtering nor smaller copies of the texture bring in anything else.
 
-Letters: F faces, W split vertices, S texels along a side, N texels. uv origin and row 0 at the top left, as
-in glTF.
+Letters: F faces, W split vertices, S texels along a side, T all texels, N, M and K some of them. uv origin
+and row 0 at the top left, as in glTF.
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ from avatargen.errors import InputError
 
 # texels from a covered texel's centre to the farthest one that bilinear filtering mixes in
 FILTER_REACH = 1.5
-MOST_TEXELS = 1 << 21  # whose places and colours are held at once
+MOST_TEXELS = 1 << 21  # whose places and values are held at once
 
 
 @dataclass(frozen=True, kw_only=True)
 class BakeConfig:
-    """The texture's size, and `samples` x `samples` questions a texel."""
+    """The texture's size, and `samples` x `samples` questions a texel, whose light is averaged."""
 
     texture_size: int = 1024
     samples: int = 1
@@ -47,6 +47,44 @@ class Texture:
     coverage: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class Texels:
+    """Where a square texture's texels lie on the faces; a texel's number is row * size + column."""
+
+    size: int
+    triangles: Float64[np.ndarray, "F 3 2"]  # of the faces in the texture, in texels
+    face: Int64[np.ndarray, " T"]  # over each texel, or the nearest one
+    asked: Int64[np.ndarray, " N"]  # texels that filtering on a face can read
+    beyond: Int64[np.ndarray, " M"]  # the others
+    nearest: Int64[np.ndarray, " M"]  # for each of these the nearest texel under a face
+    coverage: float  # share of texels under a face
+
+    def chunks(self) -> list[Int64[np.ndarray, " K"]]:
+        """The texels to ask for, in pieces of bounded size."""
+        return np.array_split(self.asked, len(self.asked) // MOST_TEXELS + 1)
+
+    def barycentric(
+        self, texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"] | float = 0.0
+    ) -> Float64[np.ndarray, "K 3"]:
+        """Places of texels on their faces' planes; never farther beyond a face than its own size."""
+        centres = np.stack([texel % self.size, texel // self.size], axis=1) + 0.5 + offset
+        # a face without area: its middle
+        from_middle = np.nan_to_num(coordinates(self.triangles, self.face[texel], centres) - 1 / 3)
+        return 1 / 3 + from_middle / np.maximum(np.abs(from_middle).max(axis=1, keepdims=True), 1)
+
+    def points(
+        self, surface: Surface, texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"]
+    ) -> Float64[np.ndarray, "K 3"]:
+        """Where texels lie on the surface, metres."""
+        corners = surface.vertices[surface.faces[self.face[texel]]]
+        return np.einsum("kc,kcd->kd", self.barycentric(texel, offset), corners)
+
+    def spread(self, values: UInt8[np.ndarray, "T C"]) -> UInt8[np.ndarray, "S S C"]:
+        """The texture, with the nearest texel's value beyond those asked for."""
+        values[self.beyond] = values[self.nearest]
+        return values.reshape(self.size, self.size, -1)
+
+
 def bake(
     surface: Surface, atlas: Atlas, color: Field, config: BakeConfig | None = None
 ) -> UInt8[np.ndarray, "S S 3"]:
@@ -60,26 +98,45 @@ def bake(
 
 def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfig) -> Texture:
     """`bake` with the texture's coverage. Raises the same errors."""
-    size = config.texture_size
+    laid = lay_texels(atlas, config.texture_size)
+    texels = np.zeros((config.texture_size**2, 3), dtype=np.uint8)
+    for chunk in laid.chunks():
+        colors = np.zeros((len(chunk), 3))
+        for offset in sample_offsets(config.samples):
+            colors += to_linear(np.clip(ask(color, laid.points(surface, chunk, offset), 3), 0, 1))
+        texels[chunk] = np.rint(255 * to_srgb(colors / config.samples**2))
+    return Texture(texels=laid.spread(texels), coverage=laid.coverage)
+
+
+def to_linear(srgb: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:
+    """Light, which can be averaged, of sRGB values in 0..1 (IEC 61966-2-1)."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def to_srgb(linear: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:
+    """The inverse of `to_linear`."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def lay_texels(atlas: Atlas, size: int) -> Texels:
+    """Which face each texel of a texture belongs to, and how far filtering reaches beyond the faces."""
     triangles = atlas.uv[atlas.faces].astype(np.float64) * size
     face = cover_texels(triangles, size)
     covered = face >= 0
     distance = np.zeros((size, size))
     nearest = np.zeros((2, size, size), dtype=np.int32)
     distance_transform_edt(~covered, return_indices=True, distances=distance, indices=nearest)
-    nearest = (nearest[0] * size + nearest[1]).reshape(-1)
-    face = face.reshape(-1)[nearest]
-    asked = np.flatnonzero(distance.reshape(-1) <= FILTER_REACH)
-    texels = np.zeros((size * size, 3), dtype=np.uint8)
-    for chunk in np.array_split(asked, len(asked) // MOST_TEXELS + 1):
-        colors = np.zeros((len(chunk), 3))
-        for offset in sample_offsets(config.samples):
-            points = texel_points(surface, triangles, face[chunk], chunk, size, offset)
-            colors += ask(color, points, 3)
-        texels[chunk] = np.rint(255 * np.clip(colors / config.samples**2, 0, 1))
-    beyond = np.flatnonzero(distance.reshape(-1) > FILTER_REACH)
-    texels[beyond] = texels[nearest[beyond]]
-    return Texture(texels=texels.reshape(size, size, 3), coverage=float(covered.mean()))
+    nearest = (nearest[0] * size + nearest[1]).reshape(-1).astype(np.int64)
+    near = distance.reshape(-1) <= FILTER_REACH
+    return Texels(
+        size=size,
+        triangles=triangles,
+        face=face.reshape(-1)[nearest],
+        asked=np.flatnonzero(near),
+        beyond=np.flatnonzero(~near),
+        nearest=nearest[~near],
+        coverage=float(covered.mean()),
+    )
 
 
 def sample_offsets(samples: int) -> Float64[np.ndarray, "K 2"]:
@@ -99,20 +156,3 @@ def cover_texels(triangles: Float64[np.ndarray, "F 3 2"], size: int) -> Int64[np
         empty = face[texel] < 0
         face[texel[empty]] = np.flatnonzero(empty)
     return face.reshape(size, size)
-
-
-def texel_points(
-    surface: Surface,
-    triangles: Float64[np.ndarray, "F 3 2"],
-    face: Int64[np.ndarray, " N"],
-    texel: Int64[np.ndarray, " N"],
-    size: int,
-    offset: Float64[np.ndarray, "2"],
-) -> Float64[np.ndarray, "N 3"]:
-    """Where texels lie on their faces' planes, metres; never farther beyond a face than its own size."""
-    centres = np.stack([texel % size, texel // size], axis=1) + 0.5 + offset
-    # a face without area: its middle
-    from_middle = np.nan_to_num(coordinates(triangles, face, centres) - 1 / 3)
-    farthest = np.maximum(np.abs(from_middle).max(axis=1, keepdims=True), 1)
-    barycentric = 1 / 3 + from_middle / farthest
-    return np.einsum("nc,ncd->nd", barycentric, surface.vertices[surface.faces[face]])

@@ -1,7 +1,7 @@
 """From an avatar's fields to an asset: the stages in order, timed.
 
 extract -> clean -> simplify -> skin -> measure, rest -> bake
-                                  `---> atlas (its own process) ---'
+                                  `---> atlas (its own process) ---'      `---> normals, where wanted
 
 Which of them run is planned first (`assets.plan`): a mesh alone has no atlas and no colours.
 """
@@ -27,6 +27,7 @@ from assets.fit import fit
 from assets.joints import body_on, drop_idle_joints
 from assets.measure import SurfaceError, surface_error
 from assets.morph import beta_sliders
+from assets.normal_map import bake_normals
 from assets.plan import Content, Joints, LeftOut, Plan, make_plan
 from assets.rest import RestMesh, to_rest
 from assets.rig import Morph, Skeleton
@@ -75,6 +76,7 @@ class BuildConfig:
     joints: Joints = "all"  # 24: no fingers; moving: those alone that move a vertex or carry one that does
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
     head_detail: float = 2.0  # texels along a line on the head for one on the body
+    normal_map: int | None = None  # texels along a side of the field's own normals; None: none
     morphs: bool = False  # a slider for each of the body's shape directions
     on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it
 
@@ -84,7 +86,8 @@ class BuildConfig:
             SimplifyConfig(target_faces=self.faces)
         BakeConfig(texture_size=self.texture)
         AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
-        make_plan(self.content, self.faces, self.joints)
+        make_plan(self.content, self.faces, self.joints, self.normal_map is not None)
+        BakeConfig(texture_size=self.normal_map or self.texture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,19 +124,23 @@ def build_content(avatar: AvatarFields, config: BuildConfig, progress: Progress 
 
     Raises the errors of `build`, but for settings that ask for less.
     """
-    plan = make_plan(config.content, config.faces, config.joints)
+    plan = make_plan(config.content, config.faces, config.joints, config.normal_map is not None)
     clock = Clock(plan, progress)
     shape = make_shape(avatar, config, clock)
-    texture = None
+    texture = normal_map = None
     if shape.atlas is not None:
         with clock("bake"):
             texture = bake_texture(
                 shape.surface, shape.atlas, avatar.color, BakeConfig(texture_size=config.texture)
             )
+    if shape.atlas is not None and config.normal_map is not None:
+        size = BakeConfig(texture_size=config.normal_map)
+        with clock("normals"):
+            normal_map = bake_normals(shape.surface, shape.rest, shape.atlas, avatar.sdf, size)
     plain = plain_asset(avatar, shape, make_report(shape, texture, config, clock))
     if shape.atlas is None or texture is None:
         return plain
-    textured = TexturedAsset(**vars(plain), uv=shape.atlas.uv, texture=texture.texels)
+    textured = TexturedAsset(**vars(plain), uv=shape.atlas.uv, texture=texture.texels, normal_map=normal_map)
     return textured if config.content == "textured" else rig(textured, shape, shape.atlas, avatar, config)
 
 

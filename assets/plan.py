@@ -23,6 +23,7 @@ STAGES = {
     "rest": 0.02,
     "atlas": 0.05,
     "bake": 0.15,
+    "normals": 0.5,
 }
 
 
@@ -48,11 +49,12 @@ class Plan:
         return sum(STAGES[stage] for stage in self.stages[:done]) / total
 
 
-def make_plan(content: Content, faces: int | None, joints: Joints) -> Plan:
+def make_plan(content: Content, faces: int | None, joints: Joints, normal_map: bool) -> Plan:
     """The stages that content needs; `faces` None keeps every face of the extracted surface.
 
     Raises:
-        InputError: a texture on a surface that is not simplified, whose charts would take minutes.
+        InputError: a texture on a surface that is not simplified, whose charts would take minutes; a normal
+            map of a mesh without texture coordinates.
     """
     if content not in CONTENTS:
         raise InputError(f"content: found {content!r}, wanted one of {', '.join(CONTENTS)}")
@@ -60,6 +62,8 @@ def make_plan(content: Content, faces: int | None, joints: Joints) -> Plan:
         raise InputError(
             f"found content {content} without a number of faces, whose charts would take minutes; give one"
         )
+    if normal_map and content == "mesh":
+        raise InputError("found a normal map on content mesh, which has no texture coordinates; drop one")
     left_out = [
         LeftOut(what="deformation network", why="in the canonical pose it has nothing to correct"),
         LeftOut(what="volume rendering and upsampling", why="a file holds a surface, not a picture"),
@@ -76,6 +80,9 @@ def make_plan(content: Content, faces: int | None, joints: Joints) -> Plan:
         why = "a mesh alone is wanted"
         left_out.append(LeftOut(what="texture coordinates", why=why, stages=("atlas",)))
         left_out.append(LeftOut(what="colours", why=why, stages=("bake",)))
+    if not normal_map:
+        why = "a mesh alone is wanted" if content == "mesh" else "it shows only up close and was not wanted"
+        left_out.append(LeftOut(what="normal map", why=why, stages=("normals",)))
     if content != "rigged":
         why = "nothing will move it; weights served to pose it and are not stored"
         left_out.append(LeftOut(what="skeleton and weights", why=why))

@@ -7,9 +7,10 @@ Letters: W vertices, J joints.
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Float64, Int64
+from jaxtyping import Float, Float32, Float64, Int64
 
 from assets.asset import Asset
+from assets.normal_map import NormalMap
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.errors import InputError
 
@@ -52,15 +53,31 @@ def posed(asset: Asset, rotations: Float[np.ndarray, "J 3"], on_ground: bool = T
         "wk,wkd->wd", shares, moves[asset.joints]
     )
     lift = np.array([0.0, -vertices[:, 1].min() if on_ground else 0.0, 0.0])
-    normals = np.einsum("wab,wb->wa", blended, asset.normals)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    normals = turned(asset.normals, blended)
     T_world_joint = skeleton.T_world_joint.copy()  # the axes stay: a rest pose is baked
     T_world_joint[:, :3, 3] = places + lift
     return replace(
         asset,
         vertices=(vertices + lift).astype(np.float32),
-        normals=normals.astype(np.float32),
+        normals=normals,
+        normal_map=asset.normal_map and turned_map(asset.normal_map, blended),
         skeleton=replace(skeleton, T_world_joint=T_world_joint, turns=from_t),
         animations=(),
         morphs=(),
     )
+
+
+def turned(
+    directions: Float32[np.ndarray, "W 3"], blended: Float64[np.ndarray, "W 3 3"]
+) -> Float32[np.ndarray, "W 3"]:
+    """Unit directions, turned as a viewer's skinning does."""
+    found = np.einsum("wab,wb->wa", blended, directions.astype(np.float64))
+    found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
+    return found.astype(np.float32)
+
+
+def turned_map(normal_map: NormalMap, blended: Float64[np.ndarray, "W 3 3"]) -> NormalMap:
+    """The map with its tangents turned."""
+    tangents = normal_map.tangents.copy()
+    tangents[:, :3] = turned(tangents[:, :3], blended)
+    return replace(normal_map, tangents=tangents)

@@ -24,7 +24,7 @@ class SkinConfig:
     """How weights are found and how much those near filled places are smoothed."""
 
     attach: AttachConfig = field(default_factory=AttachConfig)
-    smoothing_rounds: int = 4
+    smoothing_rounds: int = 8
     smoothing: float = 0.5  # share of the neighbours' mean, each round
 
 

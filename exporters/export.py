@@ -21,12 +21,14 @@ class Format:
     `encode` gets the asset and the names of all files there may be, the one asked for first, and returns
     those that the asset needs, in that order; it touches neither the disk nor the asset. `beside` ends the
     names of the files that stand beside the one asked for: person.usda brings person_base_color.png.
-    `content` is the most that the format can hold, `rest_pose` the one that it must have.
+    `content` is the most that the format can hold, `normal_map` whether that is among it, `rest_pose` the one
+    pose that it must have.
     """
 
     encode: Encoder
     beside: tuple[str, ...] = ()
     content: Content = "rigged"
+    normal_map: bool = True
     rest_pose: str | None = None
 
 
@@ -43,14 +45,14 @@ def encode_usd(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
 
 FORMATS: dict[str, Format] = {
     ".glb": Format(one_file(glb.encode)),
-    ".gltf": Format(gltf_files.encode, beside=(".bin", "_base_color.png")),
+    ".gltf": Format(gltf_files.encode, beside=(".bin", "_base_color.png", "_normal.png")),
     ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
-    ".usda": Format(encode_usd, beside=("_base_color.png",)),
-    ".usdc": Format(encode_usd, beside=("_base_color.png",)),
+    ".usda": Format(encode_usd, beside=("_base_color.png", "_normal.png")),
+    ".usdc": Format(encode_usd, beside=("_base_color.png", "_normal.png")),
     ".usdz": Format(encode_usd),
-    ".obj": Format(obj.encode, beside=(".mtl", "_base_color.png"), content="textured"),
-    ".ply": Format(one_file(ply.encode), content="textured"),
-    ".stl": Format(one_file(stl.encode), content="mesh"),
+    ".obj": Format(obj.encode, beside=(".mtl", "_base_color.png", "_normal.png"), content="textured"),
+    ".ply": Format(one_file(ply.encode), content="textured", normal_map=False),
+    ".stl": Format(one_file(stl.encode), content="mesh", normal_map=False),
 }
 
 

@@ -1,4 +1,4 @@
-"""An asset as binary glTF 2.0: one mesh and what else the asset has: a skeleton with a skin, one PNG inside.
+"""An asset as binary glTF 2.0: one mesh and what else the asset has: a skeleton, a skin, pictures.
 Same asset, same bytes.
 
 Conventions are glTF's and ours alike: metres, y up, facing +z, right-handed, faces counter-clockwise from
@@ -7,9 +7,11 @@ outside, uv origin at the texture's top left. Letters: W vertices (seams split),
 without a transform of its own.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import pygltflib as gltf
-from jaxtyping import Float32, Shaped
+from jaxtyping import Float32, Shaped, UInt8
 
 from assets.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
 from exporters.binary import Binary
@@ -31,8 +33,8 @@ def pack(document: gltf.GLTF2, data: bytes) -> bytes:
     return b"".join(document.save_to_bytes())
 
 
-def describe(asset: PlainAsset, picture_uri: str | None = None) -> tuple[gltf.GLTF2, bytes]:
-    """The document and its one buffer, which holds the picture unless that has a place of its own."""
+def describe(asset: PlainAsset, picture_uris: Sequence[str] = ()) -> tuple[gltf.GLTF2, bytes]:
+    """The document and its one buffer, which holds the pictures unless these have places of their own."""
     binary = Binary()
     document = gltf.GLTF2(
         asset=file_info(asset.info),
@@ -40,18 +42,14 @@ def describe(asset: PlainAsset, picture_uri: str | None = None) -> tuple[gltf.GL
         scenes=[gltf.Scene(name="avatar", nodes=[0])],
         nodes=[gltf.Node(name="avatar", mesh=0)],
         meshes=[gltf.Mesh(name="avatar", primitives=[mesh_primitive(asset, binary)])],
-        materials=[material(textured=isinstance(asset, TexturedAsset))],
+        materials=[material(asset)],
     )
     if isinstance(asset, Asset):
         add_skeleton(document, asset.skeleton, binary)
         add_morphs(document.meshes[0], asset, binary)
         document.animations = animations(asset, binary)
     if isinstance(asset, TexturedAsset):
-        add_texture(document)
-        if picture_uri is None:
-            document.images = [embedded(encode_png(asset.texture), binary)]
-        else:
-            document.images = [gltf.Image(name="base_color", uri=picture_uri)]
+        add_textures(document, asset, picture_uris, binary)
     document.accessors, document.bufferViews = binary.accessors, binary.views
     document.buffers = [gltf.Buffer(byteLength=len(binary.data))]
     return document, bytes(binary.data)
@@ -80,14 +78,25 @@ def add_morphs(mesh: gltf.Mesh, asset: Asset, binary: Binary) -> None:
         }
 
 
-def embedded(png: bytes, binary: Binary) -> gltf.Image:
-    return gltf.Image(name="base_color", mimeType=gltf.IMAGEPNG, bufferView=binary.add_bytes(png))
-
-
-def add_texture(document: gltf.GLTF2) -> None:
-    """Let the material's texture read the document's only picture."""
+def add_textures(
+    document: gltf.GLTF2, asset: TexturedAsset, picture_uris: Sequence[str], binary: Binary
+) -> None:
+    """The pictures that the material reads: the base colour and, where there is one, the normal map."""
     document.samplers = [texture_sampler()]
-    document.textures = [gltf.Texture(sampler=0, source=0)]
+    for index, (name, pixels) in enumerate(pictures(asset).items()):
+        image = gltf.Image(name=name)
+        if picture_uris:
+            image.uri = picture_uris[index]
+        else:
+            image.mimeType, image.bufferView = gltf.IMAGEPNG, binary.add_bytes(encode_png(pixels))
+        document.images.append(image)
+        document.textures.append(gltf.Texture(sampler=0, source=index))
+
+
+def pictures(asset: TexturedAsset) -> dict[str, UInt8[np.ndarray, "S S 3"]]:
+    """What an asset has to be looked at, the base colour first."""
+    found = {"base_color": asset.texture}
+    return found if asset.normal_map is None else found | {"normal": asset.normal_map.texels}
 
 
 def mesh_primitive(asset: PlainAsset, binary: Binary) -> gltf.Primitive:
@@ -97,6 +106,8 @@ def mesh_primitive(asset: PlainAsset, binary: Binary) -> gltf.Primitive:
         NORMAL=binary.add_array(unit(asset.normals), gltf.ARRAY_BUFFER),
     )
     if isinstance(asset, TexturedAsset):
+        if asset.normal_map is not None:
+            attributes.TANGENT = binary.add_array(asset.normal_map.tangents, gltf.ARRAY_BUFFER)
         attributes.TEXCOORD_0 = binary.add_array(asset.uv.astype(np.float32), gltf.ARRAY_BUFFER)
     if isinstance(asset, Asset):
         joint_type = np.uint8 if len(asset.skeleton.parents) <= 256 else np.uint16
@@ -149,11 +160,14 @@ def joint_nodes(skeleton: Skeleton) -> list[gltf.Node]:
     return nodes
 
 
-def material(textured: bool) -> gltf.Material:
+def material(asset: PlainAsset) -> gltf.Material:
     surface = gltf.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=ROUGHNESS)
-    if textured:
+    made = gltf.Material(name="avatar", pbrMetallicRoughness=surface, doubleSided=False)
+    if isinstance(asset, TexturedAsset):
         surface.baseColorTexture = gltf.TextureInfo(index=0)
-    return gltf.Material(name="avatar", pbrMetallicRoughness=surface, doubleSided=False)
+        if asset.normal_map is not None:
+            made.normalTexture = gltf.NormalMaterialTexture(index=1)
+    return made
 
 
 def texture_sampler() -> gltf.Sampler:

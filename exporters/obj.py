@@ -1,10 +1,11 @@
-"""A textured mesh as Wavefront OBJ: NAME.obj, NAME.mtl and the texture. Metres, y up.
+"""A textured mesh as Wavefront OBJ: NAME.obj, NAME.mtl and the pictures. Metres, y up.
 
 The uv origin is at the bottom left there. A corner names its place, uv and normal apart, so the mesh stays
 closed over the texture's seams.
 """
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float32, Int64
@@ -12,6 +13,7 @@ from jaxtyping import Float32, Int64
 from assets.asset import AssetInfo, PlainAsset, TexturedAsset
 from avatargen.errors import InputError
 from exporters.file import File
+from exporters.glb import pictures
 from exporters.png import encode_png
 from exporters.weld import weld
 
@@ -24,7 +26,7 @@ def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
     Raises:
         InputError: the names of the files beside cannot stand inside an OBJ or MTL file.
     """
-    name, material_name, texture_name = names
+    name, material_name, *picture_names = names
     if UNNAMEABLE.search(material_name):
         raise InputError(
             f"export: {name!r} holds a character that OBJ cannot keep in a name; use letters and digits"
@@ -39,10 +41,11 @@ def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
     corners = faces(np.stack([mesh.faces, asset.faces], axis=-1) + 1, "{0}/{1}/{0}")
     head += f"mtllib {material_name}\no avatar\n"
     text = "".join([head, places, uv, normals, "usemtl avatar\n", corners])
+    found = list(zip(picture_names, pictures(asset).values(), strict=False))  # not all have each
     return (
         File(name, text.encode()),
-        File(material_name, material(texture_name).encode()),
-        File(texture_name, encode_png(asset.texture)),
+        File(material_name, material([picture for picture, _ in found]).encode()),
+        *(File(picture, encode_png(pixels)) for picture, pixels in found),
     )
 
 
@@ -64,6 +67,8 @@ def faces(corners: Int64[np.ndarray, "F 3 *indices"], pattern: str) -> str:
     return "".join(f"f {' '.join(pattern.format(*corner) for corner in row)}\n" for row in rows)
 
 
-def material(texture_name: str) -> str:
-    """Light is scattered, nothing shines."""
-    return f"newmtl avatar\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nNs 10\nd 1\nillum 1\nmap_Kd {texture_name}\n"
+def material(picture_names: Sequence[str]) -> str:
+    """Light is scattered, nothing shines; `norm` is what OBJ's readers call a normal map."""
+    maps = zip(("map_Kd", "norm"), picture_names, strict=False)
+    lines = "".join(f"{keyword} {name}\n" for keyword, name in maps)
+    return f"newmtl avatar\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nNs 10\nd 1\nillum 1\n{lines}"

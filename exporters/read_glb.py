@@ -17,6 +17,7 @@ from jaxtyping import Int64, UInt8
 from PIL import Image, UnidentifiedImageError
 
 from assets.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
+from assets.normal_map import NormalMap
 from assets.posed import world_turns
 from assets.rig import Skeleton
 from avatargen.body.pose import named_pose
@@ -138,10 +139,18 @@ def read_asset(document: Document, rest: str) -> PlainAsset:
     )
     if "TEXCOORD_0" not in attributes:
         return plain
+    material = item(description["materials"], primitive["material"])
+    normal_map = None
+    if "normalTexture" in material and "TANGENT" in attributes:
+        normal_map = NormalMap(
+            texels=read_picture(document, material["normalTexture"]),
+            tangents=columns(attributes["TANGENT"], 4),
+        )
     textured = TexturedAsset(
         **vars(plain),
         uv=np.clip(normalised(attributes["TEXCOORD_0"], 2), 0, 1),
-        texture=read_texture(document, item(description["materials"], primitive["material"])),
+        texture=read_picture(document, material["pbrMetallicRoughness"]["baseColorTexture"]),
+        normal_map=normal_map,
     )
     if "skin" not in node:
         return textured
@@ -189,10 +198,10 @@ def ancestry(node: int, parent_of: dict[int, int]) -> list[int]:
     return line
 
 
-def read_texture(document: Document, material: Any) -> UInt8[np.ndarray, "S S 3"]:
-    """The base colour, sRGB."""
-    texture = material["pbrMetallicRoughness"]["baseColorTexture"]["index"]
-    source = item(document.description["images"], item(document.description["textures"], texture)["source"])
+def read_picture(document: Document, texture_info: Any) -> UInt8[np.ndarray, "S S 3"]:
+    """The picture that a material's texture shows."""
+    texture = item(document.description["textures"], texture_info["index"])
+    source = item(document.description["images"], texture["source"])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # a picture of a size to fill the memory

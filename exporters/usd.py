@@ -14,6 +14,7 @@ left there. USD's matrices act on row vectors, so ours are transposed. Letters: 
 
 import re
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,32 +25,33 @@ from assets.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
 from assets.rig import Skeleton
 from avatargen.errors import InputError
 from exporters.file import File
-from exporters.glb import ROUGHNESS, exact_weights, unit
+from exporters.glb import ROUGHNESS, exact_weights, pictures, unit
 from exporters.package import pack
 from exporters.png import encode_png
 from exporters.usd_motion import add_animations, add_morphs
 
 ROOT = "/avatar"
-TEXTURE_IN_PACKAGE = "base_color.png"
+PACKAGED = ("base_color.png", "normal.png")  # names in a .usdz
 UNNAMEABLE = re.compile(r"[\x00-\x1f\[\]<>]")  # in a path inside USD these mean packages and tiles
 
 
 def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
-    """NAME.usda or NAME.usdc and its texture, or NAME.usdz, which holds both.
+    """NAME.usda or NAME.usdc and its pictures, or NAME.usdz, which holds all.
 
     Raises:
-        InputError: the texture's name cannot stand inside a USD file.
+        InputError: a picture's name cannot stand inside a USD file.
     """
     name, suffix = names[0], Path(names[0]).suffix.lower()
-    texture = File(TEXTURE_IN_PACKAGE if suffix == ".usdz" else names[1], b"")
-    if UNNAMEABLE.search(texture.name):
+    picture_names = PACKAGED if suffix == ".usdz" else names[1:]
+    if any(UNNAMEABLE.search(picture) for picture in picture_names):
         raise InputError(
             f"export: {name!r} holds a character that USD cannot keep in a path; use letters and digits"
         )
     stage, files = make_stage(asset), ()
     if isinstance(asset, TexturedAsset):
-        files = (texture._replace(data=encode_png(asset.texture)),)
-        add_material(stage, texture.name if suffix == ".usdz" else f"./{texture.name}")
+        found = zip(picture_names, pictures(asset).values(), strict=False)  # not all have each
+        files = tuple(File(picture, encode_png(pixels)) for picture, pixels in found)
+        add_material(stage, [f"{'' if suffix == '.usdz' else './'}{file.name}" for file in files])
     if suffix == ".usdz":
         return (File(name, pack((File("avatar.usdc", stage_bytes(stage, ".usdc")), *files))),)
     return (File(name, stage_bytes(stage, suffix)), *files)
@@ -163,20 +165,12 @@ def bind_mesh(mesh: UsdGeom.Mesh, asset: Asset, skeleton: UsdSkel.Skeleton) -> N
     binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
 
 
-def add_material(stage: Usd.Stage, texture_path: str) -> None:
-    """UsdPreviewSurface with the base colour, on the mesh; cloth and skin scatter light."""
+def add_material(stage: Usd.Stage, paths: Sequence[str]) -> None:
+    """UsdPreviewSurface with the base colour and perhaps a normal map, on the mesh; cloth and skin scatter
+    light."""
     UsdGeom.Scope.Define(stage, f"{ROOT}/looks")
     material = UsdShade.Material.Define(stage, f"{ROOT}/looks/avatar")
     reader = add_shader(stage, "st", "UsdPrimvarReader_float2", varname=(Sdf.ValueTypeNames.String, "st"))
-    texture = add_shader(
-        stage,
-        "base_color",
-        "UsdUVTexture",
-        file=(Sdf.ValueTypeNames.Asset, texture_path),
-        sourceColorSpace=(Sdf.ValueTypeNames.Token, "sRGB"),
-        wrapS=(Sdf.ValueTypeNames.Token, "clamp"),
-        wrapT=(Sdf.ValueTypeNames.Token, "clamp"),
-    )
     surface = add_shader(
         stage,
         "surface",
@@ -184,11 +178,33 @@ def add_material(stage: Usd.Stage, texture_path: str) -> None:
         roughness=(Sdf.ValueTypeNames.Float, ROUGHNESS),
         metallic=(Sdf.ValueTypeNames.Float, 0.0),
     )
-    connect(texture, "st", Sdf.ValueTypeNames.Float2, reader, "result", Sdf.ValueTypeNames.Float2)
+    texture = add_picture(stage, "base_color", paths[0], reader, "sRGB")
     connect(surface, "diffuseColor", Sdf.ValueTypeNames.Color3f, texture, "rgb", Sdf.ValueTypeNames.Float3)
+    for path in paths[1:]:
+        texture = add_picture(stage, "normal", path, reader, "raw")
+        texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(2, 2, 2, 1))
+        texture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(-1, -1, -1, 0))
+        connect(surface, "normal", Sdf.ValueTypeNames.Normal3f, texture, "rgb", Sdf.ValueTypeNames.Float3)
     output = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(output)
     UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(f"{ROOT}/mesh")).Bind(material)
+
+
+def add_picture(
+    stage: Usd.Stage, name: str, path: str, reader: UsdShade.Shader, color_space: str
+) -> UsdShade.Shader:
+    """A texture at the mesh's uv."""
+    texture = add_shader(
+        stage,
+        name,
+        "UsdUVTexture",
+        file=(Sdf.ValueTypeNames.Asset, path),
+        sourceColorSpace=(Sdf.ValueTypeNames.Token, color_space),
+        wrapS=(Sdf.ValueTypeNames.Token, "clamp"),
+        wrapT=(Sdf.ValueTypeNames.Token, "clamp"),
+    )
+    connect(texture, "st", Sdf.ValueTypeNames.Float2, reader, "result", Sdf.ValueTypeNames.Float2)
+    return texture
 
 
 def add_shader(

@@ -10,11 +10,11 @@ from assets.rig import Animation, Morph, Skeleton
 from assets.skin import limit_influences
 from assets.surface import Surface, vertex_normals
 from tests.bodies import SMPL_JOINTS, capsule_body
-from tests.tube import checker
+from tests.tube import checker, mapped
 
 
 def figure(spacing: float = 0.06, size: int = 64) -> Asset:
-    """A few hundred vertices; its texture is laid on from the front."""
+    """A few hundred vertices; its texture is laid on from the front, with a normal map."""
     body = capsule_body(spacing)
     vertices = body.v_template.astype(np.float64)
     lift = np.array([0.0, -vertices[:, 1].min(), 0.0])
@@ -22,7 +22,7 @@ def figure(spacing: float = 0.06, size: int = 64) -> Asset:
     T_world_joint[:, :3, 3] = SMPL_JOINTS + lift
     low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
     skin = limit_influences(body.weights)
-    return Asset(
+    plain = Asset(
         vertices=(vertices + lift).astype(np.float32),
         normals=vertex_normals(Surface(vertices=vertices, faces=body.faces)).astype(np.float32),
         faces=body.faces.copy(),
@@ -33,6 +33,7 @@ def figure(spacing: float = 0.06, size: int = 64) -> Asset:
         weights=skin.weights,
         skeleton=Skeleton(joint_names=body.joint_names, parents=body.parents, T_world_joint=T_world_joint),
     )
+    return mapped(plain)
 
 
 def in_motion(asset: Asset, frames: int = 4) -> Asset:

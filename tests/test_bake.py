@@ -4,10 +4,11 @@ import torch
 from shapes import icosphere
 from test_atlas import parts_of, small_person
 
-from assets.atlas import AtlasConfig, plain_atlas, unwrap
-from assets.bake import BakeConfig, bake, bake_texture
+from assets.atlas import AtlasConfig, plain_atlas, unwrap, uv_areas
+from assets.bake import BakeConfig, bake, bake_texture, to_linear, to_srgb
 from assets.measure import sample_surface
 from assets.raster import rasterise
+from assets.surface import face_areas, opposite_edges
 from avatargen.errors import FieldError, InputError
 
 
@@ -81,6 +82,62 @@ def test_more_samples_average_fine_patterns():
     one, many = (bake(surface, atlas, stripes, BakeConfig(texture_size=64, samples=n)) for n in (1, 4))
     assert set(np.unique(one)) == {0, 255}
     assert len(np.unique(many)) > 5
+
+
+def test_light_is_averaged_not_its_code():
+    """Half black, half white is 188 in sRGB."""
+    surface = icosphere(0.8, rounds=1)
+    atlas = unwrap(surface, parts_of(surface), AtlasConfig(texture_size=64))
+    asked = []
+
+    def alternate(points):
+        asked.append(len(points))
+        return torch.full((len(points), 3), float(len(asked) % 2))
+
+    texture = bake(surface, atlas, alternate, BakeConfig(texture_size=64, samples=2))
+    assert (texture == 188).all()
+    codes = np.arange(256)[:, None] / 255
+    assert to_srgb(to_linear(codes)) == pytest.approx(codes, abs=1e-6)
+
+
+def smaller(texture, level):
+    """The texture as a graphics card makes it smaller: light, averaged over squares."""
+    light = to_linear(texture.reshape(-1, 3) / 255.0).reshape(texture.shape)
+    for _ in range(level):
+        half = len(light) // 2
+        light = light.reshape(half, 2, half, 2, 3).mean(axis=(1, 3))
+    return light
+
+
+def both_sides(surface, atlas, count=4):
+    """Texture coordinates of the same places as seen from both sides of the atlas's seams."""
+    twin = opposite_edges(surface.faces, len(surface.vertices))
+    edge = np.flatnonzero(np.arange(len(twin)) < twin)
+    corner = atlas.faces.reshape(-1)
+    ahead = np.arange(len(corner)).reshape(-1, 3)[:, [1, 2, 0]].reshape(-1)
+    ends = [corner[edge], corner[ahead[edge]], corner[ahead[twin[edge]]], corner[twin[edge]]]
+    start, end, other_start, other_end = (atlas.uv[each].astype(np.float64) for each in ends)
+    split = (ends[0] != ends[2]) | (ends[1] != ends[3])
+    along = ((np.arange(count) + 0.5) / count)[:, None]
+    return [
+        (a[split, None] * (1 - along) + b[split, None] * along).reshape(-1, 2)
+        for a, b in ((start, end), (other_start, other_end))
+    ]
+
+
+@pytest.mark.parametrize("level", [0, 1, 2, 3])
+def test_no_seam_shows_when_the_texture_is_made_smaller(level):
+    """Along both sides of every seam the colour is the same, but for what the field itself changes by over
+    the texels that filtering mixes."""
+    surface, size = small_person(), 1024
+    atlas = unwrap(surface, parts_of(surface), AtlasConfig(texture_size=size))
+    light = smaller(bake(surface, atlas, linear, BakeConfig(texture_size=size)), level)
+    here, there = (255 * to_srgb(bilinear(light, uv)) for uv in both_sides(surface, atlas))
+    assert len(here) > 500
+    texel = np.sqrt(face_areas(surface).sum() / np.abs(uv_areas(atlas)).sum()) / size * 2**level  # metres
+    changes = 255 * 0.36 * texel  # `linear` rises by .36 a metre at most
+    off = np.abs(here - there).max(axis=1)
+    assert np.quantile(off, 0.99) < 1 + 2 * changes
 
 
 def test_colours_out_of_range_are_clipped_and_nan_is_named():

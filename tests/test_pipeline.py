@@ -124,6 +124,21 @@ def test_poses_by_name_and_by_rotations_agree():
     assert np.ptp(built("t").vertices[:, 0]) > 1.3 * np.ptp(built("a").vertices[:, 0])
 
 
+def test_a_normal_map_is_made_on_request_alone():
+    asset = build(stranger(), replace(SMALL, normal_map=64))
+    assert asset.normal_map is not None
+    assert asset.normal_map.texels.shape == (64, 64, 3)
+    across = np.einsum("wd,wd->w", asset.normal_map.tangents[:, :3], asset.normals)
+    assert np.abs(across).max() < 1e-5
+    assert "normals" in dict(report_of(asset).seconds)
+    assert "normal map" not in {item.what for item in report_of(asset).left_out}
+    assert built().normal_map is None
+    assert "normals" not in dict(report_of(built()).seconds)
+    assert "normal map" in {item.what for item in report_of(built()).left_out}
+    with pytest.raises(InputError, match="normal map"):
+        replace(SMALL, content="mesh", normal_map=64)
+
+
 @pytest.mark.parametrize("content", ["mesh", "textured"])
 def test_what_is_left_out_is_not_there_and_the_rest_is_the_same(content):
     asset = build_content(stranger(), replace(SMALL, content=content))

@@ -10,7 +10,7 @@ from avatargen.body.skinning import skin
 from avatargen.body.stance import LIMBS, STANCES, limb_rotations, stance
 from avatargen.errors import InputError
 from tests.bodies import capsule_body
-from tests.tube import tube
+from tests.tube import mapped, tube
 
 NAMES = capsule_body(0.06).joint_names
 
@@ -45,6 +45,17 @@ def test_a_pose_counts_from_the_t_pose_whatever_the_asset_rests_in():
     assert detour.vertices == pytest.approx(direct.vertices, abs=1e-6)
     assert detour.normals == pytest.approx(direct.normals, abs=1e-6)
     assert detour.skeleton.T_world_joint == pytest.approx(direct.skeleton.T_world_joint, abs=1e-6)
+
+
+def test_tangents_turn_with_the_surface():
+    asset, rotations = mapped(tube(joint_count=1)), np.array([[0.3, -0.8, 0.5]])
+    there = posed(asset, rotations)
+    turn = axis_angle_to_matrix(rotations)[0]
+    assert asset.normal_map is not None
+    assert there.normal_map is not None
+    before, after = asset.normal_map.tangents, there.normal_map.tangents
+    assert after[:, :3] == pytest.approx(before[:, :3] @ turn.T, abs=1e-6)
+    assert np.array_equal(before[:, 3], after[:, 3])
 
 
 def test_rotations_that_do_not_fit():

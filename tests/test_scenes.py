@@ -62,17 +62,17 @@ def test_every_scene_has_settings_that_its_format_holds() -> None:
         path = avatar_export.output_path(given)
         assert path.suffix == f".{scene.format}"
         config = export_run.build_settings(given, find_format(path))
-        assert (config.content, config.resolution, config.faces) == (
-            scene.content,
-            scene.resolution,
-            scene.faces,
-        )
+        names = ("content", "resolution", "faces", "texture", "normal_map")
+        assert [getattr(config, each) for each in names] == [getattr(scene, each) for each in names]
 
 
 def test_options_go_before_the_scene_and_the_format_limits_both() -> None:
     given = avatar_export.parse(["--seed", "1", "--scene", "hero", "--faces", "900", "--format", "stl"])
     config = export_run.build_settings(given, find_format("a.stl"))
     assert (config.faces, config.resolution, config.content) == (900, SCENES["hero"].resolution, "mesh")
+    assert config.normal_map is None  # STL holds none
+    given = avatar_export.parse(["--seed", "1", "--scene", "hero", "--normal-map", "0"])
+    assert export_run.build_settings(given, find_format("a.glb")).normal_map is None
     given = avatar_export.parse(["--seed", "1", "--scene", "print", "--format", "glb", "--content", "rigged"])
     assert export_run.build_settings(given, find_format("a.glb")).faces == 20_000
 
@@ -85,6 +85,14 @@ def test_the_shipped_curves_choose_finer_settings_for_smaller_errors() -> None:
     least, most = choices[0].seconds, choices[-1].seconds
     found = [choose.within_budget(choices, 1.2 * s).p99_mm for s in (least, (least + most) / 2, most)]
     assert found == sorted(found, reverse=True)
+
+
+def test_a_normal_map_takes_four_questions_a_texel(tmp_path) -> None:
+    path = tmp_path / "curves.json"
+    path.write_text(json.dumps(CURVES))
+    found = choose.load_curves(path, None)
+    with_map, without = (found.choices(64, size)[0].seconds for size in (1000, None))
+    assert with_map - without == pytest.approx(4 * 0.6)  # seconds, at a microsecond a question
 
 
 @pytest.mark.usefixtures("curves")
@@ -147,6 +155,8 @@ def test_a_dry_run_says_the_plan_and_writes_nothing(tmp_path, monkeypatch, capsy
         (["--scene", "opera"], "opera"),
         (["--format", "stl", "--content", "rigged"], "at most mesh"),
         (["--scene", "still", "--clip", "walk"], "skeleton"),
+        (["--format", "ply", "--normal-map", "64"], "holds none"),
+        (["--normal-map", "4"], "texture of 4"),
         (["--seeds", "1:3", "--out", "many", "--budget", "9s"], "one seed"),
     ],
 )

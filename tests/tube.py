@@ -1,8 +1,13 @@
 """A rigged tube built in code: the smallest asset that has everything an avatar has."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from assets.asset import Asset, AssetInfo, Skeleton
+from assets.normal_map import NormalMap
+from assets.surface import Surface
+from assets.tangents import find_tangents
 
 RADIUS, LENGTH = 0.1, 1.0
 
@@ -28,6 +33,18 @@ def checker(size: int) -> np.ndarray:
     red, green = np.meshgrid(ramp, ramp)
     blue = ((np.indices((size, size)) // 8).sum(axis=0) % 2 * 255).astype(np.uint8)
     return np.stack([red, green, blue], axis=-1)
+
+
+def mapped(asset: Asset, size: int = 32) -> Asset:
+    """The asset with a normal map of round studs."""
+    place = (np.arange(size) + 0.5) % 8 / 4 - 1
+    x, y = np.meshgrid(place, -place)
+    stud = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0.2))], axis=-1)
+    stud /= np.linalg.norm(stud, axis=-1, keepdims=True)
+    surface = Surface(vertices=asset.vertices.astype(np.float64), faces=asset.faces)
+    tangents = find_tangents(surface, asset.normals.astype(np.float64), asset.uv.astype(np.float64))
+    texels = np.rint(127.5 * (stud + 1)).astype(np.uint8)
+    return replace(asset, normal_map=NormalMap(texels=texels, tangents=tangents))
 
 
 def tube(rings: int = 12, sides: int = 16, joint_count: int = 2, size: int = 64, tilt: float = 0.0) -> Asset:

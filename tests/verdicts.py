@@ -20,6 +20,7 @@ from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.body.skinning import skin
 from exporters import export
 from exporters.check_gltf import khronos_report
+from exporters.glb import pictures
 
 PROJECT = Path(__file__).parents[1]
 JUDGES = PROJECT / "tests" / "judges"
@@ -149,8 +150,8 @@ def check_blender(verdict: Verdict, asset: Asset, T_posed_rest: np.ndarray) -> N
     weighted = {names[j] for j in np.unique(asset.joints[asset.weights > 0])}
     assert set(verdict.found["groups_with_vertices"]) == weighted
     assert verdict.found["triangles"] == len(asset.faces)
-    height, width = asset.texture.shape[:2]
-    assert [image["size"] for image in verdict.found["images"]] == [[width, height]]
+    sizes = [list(pixels.shape[:2]) for pixels in pictures(asset).values()]  # all are square
+    assert [image["size"] for image in verdict.found["images"]] == sizes
     used = np.unique(asset.faces)  # Blender drops vertices that no face names
     np.testing.assert_allclose(verdict.rest, asset.vertices[used], atol=AGREE)
     for posed, transforms in zip(verdict.posed, T_posed_rest, strict=True):

@@ -128,6 +128,12 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         help=f"width and height of the texture (default: {SCENES[DEFAULT].texture}, or by --scene)",
     )
     shape.add_argument(
+        "--normal-map",
+        type=whole_number(0, 8192),
+        metavar="N",
+        help="width and height of a normal map of the finest folds, 0 for none (default: by --scene)",
+    )
+    shape.add_argument(
         "--resolution",
         type=whole_number(32, 2048),
         metavar="N",

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64
 
+from assets.normal_map import QUESTIONS
 from avatargen.errors import InputError
 
 SPEED_POINTS = 20_000
 SPREAD = 0.01  # metres from the body's vertices
+ASKED = 0.6  # share of a normal map's texels that the field is asked at
 HEADROOM = 1.1  # on a prediction: the time a budget must have room for
 
 
@@ -37,21 +39,23 @@ class Curves:
 
     surfaces: tuple[dict[str, Any], ...]
     textures: tuple[dict[str, Any], ...]
+    field_us: float  # microseconds a point of the field took the bench
     scale: float
 
-    def choices(self, texture: int | None) -> list[Choice]:
-        """Every measured pair with the texture's time (None: no texture), the cheapest first."""
+    def choices(self, texture: int | None, normal_map: int | None = None) -> list[Choice]:
+        """Every measured pair with the pictures' times (None: no such picture), the cheapest first."""
         found = []
         for row in self.surfaces:
             stages = dict(row["seconds"])
             if texture is None:
                 stages.pop("atlas", None)
             total = sum(stages.values()) + (0 if texture is None else self.texture_seconds(texture))
+            normals = 0 if normal_map is None else self.normal_seconds(normal_map)
             found.append(
                 Choice(
                     resolution=row["resolution"],
                     faces=row["faces"],
-                    seconds=self.scale * total,
+                    seconds=self.scale * total + normals,
                     p99_mm=row["p99_mm"],
                 )
             )
@@ -72,8 +76,14 @@ class Curves:
         texels = [row["size"] ** 2 for row in self.textures]
         return float(np.interp(size**2, texels, [value(row) for row in self.textures]))
 
+    def normal_seconds(self, size: int) -> float:
+        """A normal map is questions to the field and little else."""
+        return self.scale * 1e-6 * self.field_us * QUESTIONS * ASKED * size**2
+
     def stage_seconds(self, stage: str, resolution: int, faces: int, texture: int) -> float:
         """What a stage takes at the measured settings nearest to these."""
+        if stage == "normals":
+            return self.normal_seconds(texture)
         if stage in ("bake", "encode"):
             return self.scale * self.texture_cost(texture, lambda row: row["seconds"][stage])
         nearest = min(
@@ -92,7 +102,12 @@ def load_curves(path: Path, avatar: Any) -> Curves:
     try:
         data = json.loads(path.read_text())
         scale = 1.0 if avatar is None else measure_speed(avatar) / data["field_us"]
-        return Curves(surfaces=tuple(data["surfaces"]), textures=tuple(data["textures"]), scale=scale)
+        return Curves(
+            surfaces=tuple(data["surfaces"]),
+            textures=tuple(data["textures"]),
+            field_us=float(data["field_us"]),
+            scale=scale,
+        )
     except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError) as error:
         raise InputError(
             f"found no measured curves in {path} ({error}); write them with avatargen bench"

@@ -113,7 +113,8 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     total = process_seconds()
     if given.report is not None:
         seconds = clock.seconds | {"total": total}
-        facts = make_report(given, path, made, size, seconds)
+        written = [file for file, _ in reversed(files) if file != given.preview]
+        facts = make_report(given, written, made, size, seconds)
         files.append((given.report, json.dumps(facts, indent=2).encode() + b"\n"))
     write_together(files)
     error = made.report.error
@@ -207,11 +208,17 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
             f"found options of the rig, but what is made holds no skeleton ({content}); leave out --clip, "
             "--motion, --morphs, --ends and --names, or choose glb, vrm or usdz and a scene that moves"
         )
+    if given.normal_map and (content == "mesh" or not wanted.normal_map):
+        raise InputError(
+            f"found --normal-map {given.normal_map}, but what is made holds none; leave it out, or choose glb"
+        )
+    normal_map = scene.normal_map if given.normal_map is None else given.normal_map or None
     base = BuildConfig(
         content=content,
         resolution=scene.resolution,
         faces=scene.faces if content == "mesh" else scene.faces or DEFAULT_FACES,
         texture=scene.texture,
+        normal_map=normal_map if content != "mesh" and wanted.normal_map else None,
         joints=scene.joints,
     )
     return dataclasses.replace(base, **{name: value for name, value in options.items() if value is not None})
@@ -226,7 +233,7 @@ def with_pose(config: BuildConfig, pose: str | None, joint_names: tuple[str, ...
 
 def make_report(
     given: Namespace,
-    path: Path,
+    written: list[Path],
     made: Made,
     size: int,
     seconds: dict[str, float],
@@ -236,8 +243,8 @@ def make_report(
     error, pose = made.report.error, config.pose
     return {
         "seed": given.seed,
-        "path": str(path),
-        "files": [str(file) for file in files_of(path)],
+        "path": str(written[0]),
+        "files": [str(file) for file in written],
         "version": asset.info.version,
         "weights_hash": asset.info.weights_hash,
         "licence": asset.info.licence,
@@ -254,6 +261,7 @@ def make_report(
             "resolution": config.resolution,
             "faces": config.faces,
             "texture": config.texture,
+            "normal_map": config.normal_map,
             "content": config.content,
             "pose": pose if isinstance(pose, str) else str(given.pose),
             "body": str(given.body) if given.body else "default",

@@ -82,7 +82,7 @@ def candidates(
     Raises:
         InputError: the budget has no room for anything.
     """
-    choices = curves.choices(None if config.content == "mesh" else config.texture)
+    choices = curves.choices(None if config.content == "mesh" else config.texture, config.normal_map)
     if wish.budget_s is not None:
         choices = [within_budget(choices, wish.budget_s - elapsed)]
     elif wish.tolerance_mm is not None:
@@ -119,8 +119,11 @@ def describe(config: BuildConfig, wish: Wish, name: str) -> str:
         lines.append(f"chosen: about {choice.seconds:.1f} s, {choice.p99_mm:.2f} mm p99")
     faces = "all" if config.faces is None else f"{config.faces:,}"
     texture = "none" if config.content == "mesh" else str(config.texture)
-    lines.append(f"resolution {config.resolution}, faces {faces}, texture {texture}, joints {config.joints}")
-    plan = make_plan(config.content, config.faces, config.joints)
+    lines.append(
+        f"resolution {config.resolution}, faces {faces}, texture {texture}, "
+        f"normal map {config.normal_map or 'none'}, joints {config.joints}"
+    )
+    plan = make_plan(config.content, config.faces, config.joints, config.normal_map is not None)
     lines.append("stages: " + ", ".join(plan.stages))
     for item in plan.left_out:
         said = saving(item, config, curves)

@@ -16,11 +16,12 @@ class Scene:
     resolution: int = 512
     faces: int | None = 20_000  # None: every face of the extracted surface
     texture: int = 1024
+    normal_map: int | None = None  # texels along a side
     joints: Literal["all", "24", "moving"] = "all"
 
 
 SCENES = {
-    "hero": Scene(purpose="seen close, moving", resolution=768, faces=40_000, texture=2048),
+    "hero": Scene(purpose="seen close, moving", resolution=768, faces=40_000, texture=2048, normal_map=1024),
     "game": Scene(purpose="the default: one of a few, moving"),
     "crowd": Scene(
         purpose="one of hundreds, far away", resolution=256, faces=2_000, texture=256, joints="24"
@@ -30,6 +31,10 @@ SCENES = {
     ),
     "ar": Scene(purpose="a phone's viewer", format="usdz", faces=15_000),
     "still": Scene(
-        purpose="a picture: seen close, never moving", content="textured", faces=40_000, texture=2048
+        purpose="a picture: seen close, never moving",
+        content="textured",
+        faces=40_000,
+        texture=2048,
+        normal_map=1024,
     ),
 }

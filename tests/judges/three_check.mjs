@@ -78,7 +78,7 @@ console.log(
     rest,
     posed,
     bones: Object.fromEntries(order.map((b) => [nameOf(b), bones.includes(b.parent) ? nameOf(b.parent) : null])),
-    images: [[mesh.material.map.image.width, mesh.material.map.image.height]],
+    images: [mesh.material.map, mesh.material.normalMap].flatMap((map) => (map ? [[map.image.width, map.image.height]] : [])),
     clips,
     morphs: Object.keys(mesh.morphTargetDictionary ?? {}),
     vrm: describeVrm(gltf.userData.vrm),

@@ -1,6 +1,6 @@
 """How well a skinned mesh follows the generator: in twenty fixed poses it is bent as an engine does, carried
 back to the canonical space by the generator's own mapping (section 3.3), and compared with where it
-came from.
+came from; and how far its edges are pulled.
 
 Letters: V vertices, J joints, P poses. Metres, radians.
 """
@@ -16,11 +16,12 @@ from assets.attach import Attachment
 from assets.pipeline import AvatarFields
 from assets.rest import to_rest
 from assets.skin import Skin
-from assets.surface import Surface
+from assets.surface import Surface, directed_edges, edge_lengths
 from avatargen.body.model import PosedBody, pose, shape
 from avatargen.body.skinning import skin as skin_points
 from avatargen.generator.canonical import canonical_map
 
+SHORTEST = 2e-3  # metres of an edge whose stretch is measured by its own length
 # degrees about x, y, z by joint; joints a body does not have are skipped
 TABLE: dict[str, dict[str, tuple[float, float, float]]] = {
     "t": {},
@@ -65,12 +66,15 @@ TABLE: dict[str, dict[str, tuple[float, float, float]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class PosedError:
-    """Over all vertices and poses, millimetres; and the mapping's microseconds a vertex."""
+    """Over all vertices and poses, millimetres; the mapping's microseconds a vertex; and how many times as
+    long as in the canonical pose the edges become in their worst pose."""
 
     mean_mm: float
     median_mm: float
     p95_mm: float
     mapping_us: float
+    stretch_p999: float
+    stretch_max: float
 
 
 def rotations(name: str, joint_names: tuple[str, ...]) -> Float64[np.ndarray, "J 3"]:
@@ -91,19 +95,25 @@ def posed_error(
     weights = skin.dense(len(body.parents))
     shaped = shape(body.source, avatar.betas)
     errors, seconds = [], 0.0
+    edges = directed_edges(surface.faces)
+    longest = np.zeros(len(edges))
     for name in TABLE:
         posed = pose(body.source, shaped, rotations(name, body.joint_names))
         bent = skin_points(rest.vertices, weights, posed.T_posed_rest)
+        longest = np.maximum(longest, edge_lengths(Surface(vertices=bent, faces=surface.faces), edges))
         started = time.perf_counter()
         back = carry_back(bent, posed, nearest)
         seconds += time.perf_counter() - started
         errors.append(1000 * np.linalg.norm(back - surface.vertices, axis=1))
     error = np.concatenate(errors)
+    stretch = longest / np.maximum(edge_lengths(surface, edges), SHORTEST)
     return PosedError(
         mean_mm=float(error.mean()),
         median_mm=float(np.median(error)),
         p95_mm=float(np.quantile(error, 0.95)),
         mapping_us=1e6 * seconds / len(error),
+        stretch_p999=float(np.quantile(stretch, 0.999)),
+        stretch_max=float(stretch.max()),
     )
 
 

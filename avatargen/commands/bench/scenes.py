@@ -35,6 +35,7 @@ def measure_scenes(generator: AvatarSampler, seed: int, names: Sequence[str]) ->
             resolution=scene.resolution,
             faces=scene.faces,
             texture=scene.texture,
+            normal_map=scene.normal_map,
             joints=scene.joints,
         )
         with measured() as cost:

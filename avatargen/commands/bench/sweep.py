@@ -80,6 +80,8 @@ class MappingRow:
     median_mm: float
     p95_mm: float
     mapping_us: float
+    stretch_p999: float  # edges in their worst pose over their canonical lengths
+    stretch_max: float
 
 
 @dataclass(frozen=True, kw_only=True)

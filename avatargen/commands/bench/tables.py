@@ -81,10 +81,14 @@ def mapping_table(rows: Sequence[MappingRow]) -> str:
             f"{median(group, lambda row: row.mean_mm):.2f}",
             f"{median(group, lambda row: row.median_mm):.2f}",
             f"{median(group, lambda row: row.p95_mm):.1f}",
+            f"{median(group, lambda row: row.stretch_p999):.1f}",
+            f"{median(group, lambda row: row.stretch_max):.1f}",
         ]
         for group in grouped(rows, lambda row: row.nearest)
     ]
-    return table(["K", "µs a vertex", "posed error mm: mean", "median", "p95"], lines)
+    return table(
+        ["K", "µs a vertex", "posed error mm: mean", "median", "p95", "edges pulled ×: p99.9", "max"], lines
+    )
 
 
 def ray_table(rows: Sequence[RayRow]) -> str:
