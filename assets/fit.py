@@ -1,38 +1,58 @@
 """Move the vertices of a simplified surface so that its faces, not only its corners, lie on the zero level
-of the field.
+of the field, creases included.
 
 A flat face cuts a curved surface's corner; vertices that sit exactly on the surface put every face on its
-inner side. Here each vertex i moves d_i along its normal so as to minimise, over points s spread on the
-faces,
+inner side. Here the vertices i move by d_i, in any direction, so as to minimise, over points s spread on the
+faces and the field's tangent planes there (unit normal n_s, distance r_s),
 
-    sum_s area_s (f_s / slope + sum_i b_si (n_s . n_i) d_i)^2 + damping sum_i area_i d_i^2
+    sum_s area_s (r_s + n_s . sum_i b_si d_i)^2 + damping sum_i weight_i |d_i|^2
 
-with b the barycentric coordinates: a sparse positive system. The mesh keeps its faces; no face may turn.
+with b the barycentric coordinates. Where the planes around a vertex differ, the sum is least on the crease
+where they meet, as in dual contouring (Ju et al. 2002); where they agree, the damping keeps the vertex from
+sliding. The mesh keeps its faces; no face may turn or become thin.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.sparse import coo_array, csc_array, csr_array, diags_array
-from scipy.sparse.linalg import splu
+from jaxtyping import Bool, Float64
+from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse.linalg import cg
 
 from assets.field import Field, ask
-from assets.surface import Surface, directed_edges, edge_lengths, face_normals, vertex_normals
+from assets.surface import Surface, corner_angles, directed_edges, edge_lengths, face_normals
 
 PATTERN = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6  # barycentric coordinates on every face
 PROBE = 1e-3  # metres along the normal, for the field's slope
-SLOPE_SAMPLES = 500
-LARGEST_TURN = 0.5  # cosine of the angle a face may turn by
+STEP = 2.5e-4  # metres, of the finite differences on uneven faces
+STEEPEST = 1.5  # slope along a face, of that across it, that is still believed
+FLATTEST = 0.2  # slope of the field, of its median, under which it says nothing about distance
+STRAY = 1e-3  # of a face's size that its three points may lie from a line
+HALVINGS = 3  # of a move that spoils a face, before it is given up
+SOLVE = {"rtol": 1e-3, "maxiter": 60}  # a thousandth of the moves is far below what they leave
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitConfig:
-    """Three questions to the field a face and round."""
+    """Four questions to the field a face and round, nine more where a face is uneven."""
 
     rounds: int = 1
     damping: float = 0.2
-    largest_move: float = 0.2  # of the shortest edge at the vertex
+    largest_move: float = 0.3  # of the shortest edge at the vertex, or ...
+    overshoot: float = 1.5  # ... of the largest residual there: an edge is farther than its faces
+    uneven: float = (
+        0.2  # slope along a face, of that across it, from which each of its points has its own plane
+    )
+    largest_turn: float = 0.5  # cosine of the angle a face may turn by
+    thin: float = 6.0  # degrees under which no angle may shrink
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planes:
+    """The field's tangent planes at the pattern's points of each face."""
+
+    normals: Float64[np.ndarray, "F 3 3"]
+    residuals: Float64[np.ndarray, "F 3"]  # metres from the plane to the point
 
 
 def fit(surface: Surface, sdf: Field, config: FitConfig | None = None) -> Surface:
@@ -43,64 +63,82 @@ def fit(surface: Surface, sdf: Field, config: FitConfig | None = None) -> Surfac
     """
     config = config or FitConfig()
     for _ in range(config.rounds):
-        normals = vertex_normals(surface)
-        residual = residuals(surface, sdf)
-        move = best_moves(surface, normals, residual, config.damping)
-        limit = np.minimum(config.largest_move * shortest_edges(surface), largest_residual(surface, residual))
-        surface = move_safely(surface, normals * np.clip(move, -limit, limit)[:, None])
+        planes = tangent_planes(surface, sdf, config.uneven)
+        move = best_moves(surface, planes, config.damping)
+        limit = np.maximum(
+            config.largest_move * shortest_edges(surface),
+            config.overshoot * largest_residuals(surface, planes),
+        )
+        length = np.linalg.norm(move, axis=1)
+        move *= np.minimum(1.0, limit / np.maximum(length, 1e-12))[:, None]
+        surface = move_safely(surface, move, config)
     return surface
 
 
-def residuals(surface: Surface, sdf: Field) -> Float64[np.ndarray, "F S"]:
-    """Distance from the zero level at the pattern's points of each face, to first order, metres."""
-    flat = face_normals(surface)
-    unit = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
-    points = np.einsum("sc,fcd->fsd", PATTERN, surface.vertices[surface.faces])
-    value = ask(sdf, points.reshape(-1, 3)).reshape(points.shape[:2])
-    return value / mean_slope(sdf, points[:, 0], unit, value[:, 0])
-
-
-def largest_residual(surface: Surface, residual: Float64[np.ndarray, "F S"]) -> Float64[np.ndarray, " V"]:
-    """The largest residual on the faces at each vertex, metres."""
+def largest_residuals(surface: Surface, planes: Planes) -> Float64[np.ndarray, " V"]:
+    """The largest distance from the planes on the faces at each vertex, metres."""
     largest = np.zeros(len(surface.vertices))
-    np.maximum.at(largest, surface.faces, np.abs(residual).max(axis=1, keepdims=True))
+    np.maximum.at(largest, surface.faces, np.abs(planes.residuals).max(axis=1, keepdims=True))
     return largest
 
 
-def best_moves(
-    surface: Surface,
-    normals: Float64[np.ndarray, "V 3"],
-    residual: Float64[np.ndarray, "F S"],
-    damping: float,
-) -> Float64[np.ndarray, " V"]:
-    """The least-squares distances along the normals, metres."""
-    F, S = residual.shape
-    flat = face_normals(surface)
-    area = np.linalg.norm(flat, axis=1)
-    unit = flat / np.maximum(area, 1e-300)[:, None]
-    facing = np.einsum("fcd,fd->fc", normals[surface.faces], unit)  # n_s . n_i
-    entries = PATTERN[None] * facing[:, None]  # F S 3
-    rows = np.broadcast_to(np.arange(F * S).reshape(F, S, 1), entries.shape)
-    columns = np.broadcast_to(surface.faces[:, None], entries.shape)
-    weight = diags_array(np.repeat(area / area.mean(), S))
-    shape = (F * S, len(surface.vertices))
-    matrix = csr_array(coo_array((entries.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=shape))
-    normal_matrix = csr_array(matrix.T @ weight @ matrix)
-    damped = normal_matrix + diags_array(damping * normal_matrix.diagonal() + 1e-9)
-    factor = splu(csc_array(damped), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    return -factor.solve(matrix.T @ (weight @ residual.reshape(-1)))
+def tangent_planes(surface: Surface, sdf: Field, uneven: float) -> Planes:
+    """One gradient a face, from its three points and a fourth above; one a point where that shows a bend."""
+    corners = surface.vertices[surface.faces]
+    points = np.einsum("sc,fcd->fsd", PATTERN, corners)
+    value = ask(sdf, points.reshape(-1, 3)).reshape(points.shape[:2])
+    normal = face_normals(surface)
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    across = (ask(sdf, points[:, 0] + PROBE * normal) - value[:, 0]) / PROBE
+    along = slopes_along(points, value)
+    steep = np.linalg.norm(along, axis=1)
+    along *= np.minimum(1.0, STEEPEST * np.abs(across) / np.maximum(steep, 1e-12))[:, None]
+    gradient = np.repeat((along + across[:, None] * normal)[:, None], len(PATTERN), axis=1)
+    bent = steep > uneven * np.abs(across)
+    gradient[bent] = gradients(sdf, points[bent], value[bent])
+    slope = np.linalg.norm(gradient, axis=2)
+    flattest = max(FLATTEST * float(np.median(slope)), 1e-12)
+    return Planes(
+        normals=gradient / np.maximum(slope, 1e-12)[..., None],
+        residuals=value / np.maximum(slope, flattest),
+    )
 
 
-def mean_slope(
-    sdf: Field,
-    points: Float64[np.ndarray, "N 3"],
-    normals: Float64[np.ndarray, "N 3"],
-    value: Float64[np.ndarray, " N"],
-) -> float:
-    """Median rise of the field per metre along the normals, from a few evenly chosen points."""
-    chosen = np.linspace(0, len(points) - 1, min(SLOPE_SAMPLES, len(points))).astype(np.int64)
-    ahead = ask(sdf, points[chosen] + PROBE * normals[chosen])
-    return max(float(np.median(ahead - value[chosen])) / PROBE, 1e-3)
+def slopes_along(
+    points: Float64[np.ndarray, "F 3 3"], value: Float64[np.ndarray, "F 3"]
+) -> Float64[np.ndarray, "F 3"]:
+    """The gradient within the plane of each three points; of a line, along it."""
+    sides, rise = points[:, 1:] - points[:, :1], value[:, 1:] - value[:, :1]
+    square = np.einsum("fid,fjd->fij", sides, sides)
+    size = np.maximum(np.trace(square, axis1=1, axis2=2), 1e-300)
+    square = square / size[:, None, None] + STRAY * np.eye(2)
+    share = np.linalg.solve(square, (rise / size[:, None])[..., None])[..., 0]
+    return np.einsum("fi,fid->fd", share, sides)
+
+
+def gradients(
+    sdf: Field, points: Float64[np.ndarray, "N S 3"], value: Float64[np.ndarray, "N S"]
+) -> Float64[np.ndarray, "N S 3"]:
+    """By forward differences."""
+    ahead = ask(sdf, (points[..., None, :] + STEP * np.eye(3)).reshape(-1, 3))
+    return (ahead.reshape(points.shape) - value[..., None]) / STEP
+
+
+def best_moves(surface: Surface, planes: Planes, damping: float) -> Float64[np.ndarray, "V 3"]:
+    """The least-squares moves, metres, by conjugate gradients."""
+    faces, size = surface.faces, 3 * len(surface.vertices)
+    area = np.linalg.norm(face_normals(surface), axis=1)
+    weight = np.repeat(area / max(area.mean(), 1e-300), len(PATTERN))
+    entries = PATTERN[None, :, :, None] * planes.normals[:, :, None, :]  # F S 3 3
+    columns = np.broadcast_to(3 * faces[:, None, :, None] + np.arange(3), entries.shape)
+    rows = np.broadcast_to(np.arange(len(weight)).reshape(-1, len(PATTERN), 1, 1), entries.shape)
+    placed = (entries.reshape(-1), (rows.reshape(-1), columns.reshape(-1)))
+    matrix = csr_array(coo_array(placed, shape=(len(weight), size)))
+    square = csr_array(matrix.T @ diags_array(weight) @ matrix)
+    held = np.repeat(square.diagonal().reshape(-1, 3).sum(axis=1), 3) * damping / 3 + 1e-9
+    system = square + diags_array(held)
+    wanted = -(matrix.T @ (weight * planes.residuals.reshape(-1)))
+    return cg(system, wanted, M=diags_array(1 / system.diagonal()), **SOLVE)[0].reshape(-1, 3)
 
 
 def shortest_edges(surface: Surface) -> Float64[np.ndarray, " V"]:
@@ -113,16 +151,25 @@ def shortest_edges(surface: Surface) -> Float64[np.ndarray, " V"]:
     return np.where(np.isfinite(shortest), shortest, 0.0)
 
 
-def move_safely(surface: Surface, move: Float64[np.ndarray, "V 3"]) -> Surface:
-    """Move vertices, but leave in place those whose faces would turn too far."""
-    before = face_normals(surface)
+def move_safely(surface: Surface, move: Float64[np.ndarray, "V 3"], config: FitConfig) -> Surface:
+    """Move vertices, but less, and in the end not at all, where faces would turn too far or get too thin."""
     move = move.copy()
-    while True:
+    for halving in range(len(surface.vertices) + HALVINGS):
         moved = Surface(vertices=surface.vertices + move, faces=surface.faces)
-        after = face_normals(moved)
-        lengths = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
-        turned = np.einsum("fd,fd->f", before, after) <= LARGEST_TURN * lengths
-        turned &= np.abs(move[surface.faces]).max(axis=(1, 2)) > 0
-        if not turned.any():
-            return moved
-        move[surface.faces[turned]] = 0.0
+        spoilt = spoilt_faces(surface, moved, config) & (move[surface.faces] != 0).any(axis=(1, 2))
+        if not spoilt.any():
+            break
+        held = np.unique(surface.faces[spoilt])
+        move[held] *= 0.5 if halving < HALVINGS else 0.0
+    return moved
+
+
+def spoilt_faces(before: Surface, after: Surface, config: FitConfig) -> Bool[np.ndarray, " F"]:
+    """Faces that have turned by more than the limit, or whose smallest angle has shrunk to a thin one."""
+    old, new = face_normals(before), face_normals(after)
+    lengths = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
+    turned = np.einsum("fd,fd->f", old, new) <= config.largest_turn * lengths
+    was, angle = (
+        np.degrees(corner_angles(surface.vertices[surface.faces]).min(axis=1)) for surface in (before, after)
+    )
+    return turned | ((angle < config.thin) & (angle < was))

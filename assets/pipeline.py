@@ -24,6 +24,7 @@ from assets.bake import BakeConfig, Texture, bake_texture
 from assets.clean import Cleaning, tidy
 from assets.extract import ExtractConfig, Extraction, trace
 from assets.fit import fit
+from assets.flip import flip
 from assets.joints import body_on, drop_idle_joints
 from assets.measure import SurfaceError, surface_error
 from assets.morph import beta_sliders
@@ -33,6 +34,7 @@ from assets.rest import RestMesh, to_rest
 from assets.rig import Morph, Skeleton
 from assets.simplify import SimplifyConfig, simplify
 from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
+from assets.slivers import remove_slivers
 from assets.surface import Surface, find_defects
 from avatargen.body.fingers import hand_of_joint
 from avatargen.body.model import CanonicalBody
@@ -271,9 +273,10 @@ def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Floa
 
 
 def simplify_fitted(dense: Surface, avatar: AvatarFields, faces: int) -> Surface:
-    """The surface at the faces asked for, moved onto the field where that leaves it sound."""
+    """The surface at the faces asked for, without slivers and laid on the field, creases included, where that
+    leaves it sound."""
     simple = simplify(dense, SimplifyConfig(target_faces=faces))
-    fitted = fit(simple, avatar.sdf)
+    fitted = fit(flip(remove_slivers(simple), avatar.sdf), avatar.sdf)
     return simple if find_defects(fitted) else fitted
 
 

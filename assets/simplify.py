@@ -12,7 +12,6 @@ from assets.surface import Surface, find_defects, volume
 from avatargen.errors import InputError
 
 FEWEST_FACES = 4  # a tetrahedron
-# of fast-simplification, in the order tried; 3 is as exact as any and seldom tears
 # of fast-simplification, in the order tried: the lower, the more exact and the less it tears
 AGGRESSION = (2, 3, 4, 5)
 KEPT_VOLUME = 0.98  # share that a repair must leave: it shall not cut off a limb

@@ -172,10 +172,7 @@ def vertex_normals(surface: Surface) -> Float64[np.ndarray, "V 3"]:
     corners = surface.vertices[surface.faces]  # F 3 3
     normal = face_normals(surface)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    forward, backward = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    sine = np.linalg.norm(np.cross(forward, backward), axis=2)
-    angle = np.arctan2(sine, (forward * backward).sum(axis=2))  # F 3
-    total = sum_at_vertices(surface, angle[..., None] * normal[:, None])
+    total = sum_at_vertices(surface, corner_angles(corners)[..., None] * normal[:, None])
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.where(length > 1e-12, total / np.maximum(length, 1e-12), [0.0, 1.0, 0.0])
 
@@ -198,7 +195,11 @@ def compact(vertices: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"
 
 def smallest_angles(surface: Surface) -> Float64[np.ndarray, " F"]:
     """The smallest angle of each face, degrees."""
-    corners = surface.vertices[surface.faces]
+    return np.degrees(corner_angles(surface.vertices[surface.faces]).min(axis=1))
+
+
+def corner_angles(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 3"]:
+    """The angle at each corner of triangles, radians."""
     forward, backward = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     sine = np.linalg.norm(np.cross(forward, backward), axis=2)
-    return np.degrees(np.arctan2(sine, (forward * backward).sum(axis=2)).min(axis=1))
+    return np.arctan2(sine, (forward * backward).sum(axis=2))

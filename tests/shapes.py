@@ -45,6 +45,28 @@ def plate(thickness: float = 0.02) -> Field:
     return field
 
 
+def box(half: tuple[float, float, float], turn: Tensor | None = None) -> Field:
+    """An exact distance to a box with sharp edges, turned by a rotation matrix."""
+    size = torch.tensor(half)
+
+    def field(points: Tensor) -> Tensor:
+        beyond = (points if turn is None else points @ turn).abs() - size
+        return beyond.clamp(min=0).norm(dim=1) + beyond.max(dim=1).values.clamp(max=0)
+
+    return field
+
+
+def cylinder(radius: float, half_height: float, turn: Tensor | None = None) -> Field:
+    """An exact distance to a cylinder with sharp rims about the y axis, turned by a rotation matrix."""
+
+    def field(points: Tensor) -> Tensor:
+        local = points if turn is None else points @ turn
+        beyond = torch.stack([local[:, [0, 2]].norm(dim=1) - radius, local[:, 1].abs() - half_height], dim=1)
+        return beyond.clamp(min=0).norm(dim=1) + beyond.max(dim=1).values.clamp(max=0)
+
+    return field
+
+
 def union(*fields: Field) -> Field:
     return lambda points: torch.stack([field(points) for field in fields]).min(dim=0).values
 

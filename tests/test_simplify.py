@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
-from shapes import BOX, PERSON_BOX, icosphere, person, sphere, torus
+from shapes import BOX, PERSON_BOX, icosphere, person, torus
 
 from assets.extract import ExtractConfig, extract
-from assets.fit import fit
-from assets.measure import surface_error
 from assets.simplify import SimplifyConfig, simplify
 from assets.surface import find_defects, volume
 from avatargen.errors import InputError
@@ -45,22 +43,6 @@ def test_same_input_same_arrays():
     first, second = (simplify(ball, SimplifyConfig(target_faces=500)) for _ in range(2))
     assert np.array_equal(first.vertices, second.vertices)
     assert np.array_equal(first.faces, second.faces)
-
-
-def test_fit_brings_faces_nearer_to_the_field():
-    small = simplify(extract(sphere(), BOX, ExtractConfig(resolution=128)), SimplifyConfig(target_faces=800))
-    before = surface_error(small, sphere())
-    fitted = fit(small, sphere())
-
-    assert surface_error(fitted, sphere()).mean_mm < 0.75 * before.mean_mm
-    assert not find_defects(fitted)
-    assert volume(fitted) == pytest.approx(4 / 3 * np.pi * 0.6**3, rel=2e-3)
-
-
-def test_fit_does_not_depend_on_the_scale_of_the_field():
-    small = simplify(icosphere(rounds=4), SimplifyConfig(target_faces=400))
-    plain, scaled = fit(small, sphere(1.0)), fit(small, lambda points: 7 * sphere(1.0)(points))
-    assert np.abs(plain.vertices - scaled.vertices).max() < 1e-5
 
 
 @pytest.mark.parametrize("target", [0, -5, 3])
