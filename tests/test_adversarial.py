@@ -10,14 +10,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
+from avatargen.body.model import canonical_body
 from avatargen.commands.main import main
 from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.errors import TrainingError
 from avatargen.generator.checkpoint import load_checkpoint
-from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig
+from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig, body_hash
 from avatargen.generator.picture import CanonicalSurface
 from avatargen.training.adversarial import (
     Run,
@@ -201,6 +203,20 @@ def test_weights_to_start_from_must_fit(folder: Path, pictures: Pictures):
     larger = replace(CONFIG, render=replace(CONFIG.render, image_size=32))
     with pytest.raises(TrainingError, match="other networks"):
         train(larger, pictures, BODY, folder / "unfit", accelerator(), [].append, start)
+
+
+def test_labels_and_weights_of_another_body_are_refused(folder: Path, pictures: Pictures):
+    other = replace(pictures, labels=replace(pictures.labels, body="0" * 64))
+    with pytest.raises(TrainingError, match=r"labels in .* of another body"):
+        train(CONFIG, other, BODY, folder / "other", accelerator(), [].append)
+    own = replace(pictures, labels=replace(pictures.labels, body=body_hash(canonical_body(BODY))))
+    short = replace(CONFIG, images=2)
+    train(short, own, BODY, folder / "own", accelerator(), [].append)
+    start = load_checkpoint(folder / "own" / "generator.safetensors")
+    taller = replace(BODY, v_template=BODY.v_template * np.float32(1.1))
+    with pytest.raises(TrainingError, match="weights to start from are of another body"):
+        train(short, pictures, taller, folder / "taller", accelerator(), [].append, start)
+    assert not (folder / "other").exists() and not (folder / "taller").exists()
 
 
 def test_the_average_halves_its_distance_in_a_half_life(pictures: Pictures):

@@ -27,6 +27,7 @@ class Options:
     out: Path
     preset: str
     start_from: str | None
+    body: Path | None
     training: AdversarialConfig
     dry_run: bool
 
@@ -47,6 +48,7 @@ def parse(words: list[str]) -> Options:
         out: Path,
         preset: Literal["debug", "cpu", "gpu", "paper"],
         start_from: str | None = None,
+        body: Path | None = None,
         training: AdversarialConfig = chosen,
         dry_run: bool = False,
     ) -> Options:
@@ -57,10 +59,17 @@ def parse(words: list[str]) -> Options:
             out: Folder of the run.
             preset: Where the settings start from; every one of them can be changed.
             start_from: Weights to begin with: a file, or `shipped` for those of the package.
+            body: The body that the labels are of, where it is not the shipped one.
             dry_run: Print the settings and stop.
         """
         return Options(
-            data=data, out=out, preset=preset, start_from=start_from, training=training, dry_run=dry_run
+            data=data,
+            out=out,
+            preset=preset,
+            start_from=start_from,
+            body=body,
+            training=training,
+            dry_run=dry_run,
         )
 
     return tyro.cli(options, prog=PROGRAM, args=words)
@@ -101,7 +110,7 @@ def run(options: Options) -> None:
     train(
         config,
         pictures,
-        load_body(shipped("body.npz")),
+        load_body(options.body or shipped("body.npz")),
         options.out,
         accelerator,
         lambda line: print(line, flush=True),

@@ -79,7 +79,7 @@ def draw_batch(
     """The batch of a step, or a process's share of it."""
     random = torch.Generator().manual_seed((config.seed * 1_000_000_007 + step) % 2**63)
     B, Z = config.batch, networks.mapping.z_size
-    real, asked, swapped = torch.randint(len(pictures), (3, B), generator=random)
+    real, asked, swapped = pictures.choose((3, B), random)
     z, other_z = torch.randn(2, B, Z, generator=random)
     swap = torch.rand(B, generator=random) < config.variety.camera_swap
     mix = float(torch.rand((), generator=random)) < config.variety.style_mixing
@@ -130,9 +130,14 @@ def train(
     `start` gives the generator its first weights; without it they are random. `report` takes progress lines.
 
     Raises:
-        TrainingError: gradients are not finite or explode, or the folder holds another run.
+        TrainingError: gradients are not finite or explode, the folder holds another run, or the pictures'
+        labels or the weights to start from are of another body.
     """
     networks = generator_config(config, body, start)
+    if pictures.labels.body not in ("", networks.body_hash):
+        raise TrainingError(
+            f"train: the labels in {pictures.folder} are of another body; name it with --body"
+        )
     run = Run(config=config, surface=CanonicalSurface(body), accelerator=accelerator)
     main, share = accelerator.is_main_process, share_of_process(config, accelerator)
     if main:
@@ -173,8 +178,15 @@ def snapshot_is_due(images: int, config: AdversarialConfig) -> bool:
 
 
 def generator_config(config: AdversarialConfig, body: Body, start: Checkpoint | None) -> GeneratorConfig:
-    """The networks of the preset, or of the weights to start from, with this run's geometry and rendering."""
-    networks = start.generator.config if start else for_body(NETWORKS[config.networks], canonical_body(body))
+    """The networks of the preset, or of the weights to start from, with this run's geometry and rendering.
+
+    Raises:
+        TrainingError: those weights are of another body.
+    """
+    fresh = for_body(NETWORKS[config.networks], canonical_body(body))
+    networks = start.generator.config if start else fresh
+    if networks.body_hash != fresh.body_hash:
+        raise TrainingError("train: the weights to start from are of another body; start without them")
     decoder = networks.decoder
     if config.geometry.prior == "none":
         decoder = replace(decoder, vertex_features=0)
