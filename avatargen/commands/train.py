@@ -10,11 +10,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from avatargen.commands.line import run_command
 from avatargen.errors import InputError
 from avatargen.training.adversarial_config import PRESETS, AdversarialConfig
+
+if TYPE_CHECKING:
+    from accelerate import Accelerator
 
 PROGRAM = "avatargen train"
 
@@ -91,9 +94,6 @@ def preset_of(words: list[str]) -> str:
 
 def run(options: Options) -> None:
     """Open the data, load the weights to start from, and train."""
-    import torch
-    from accelerate import Accelerator
-
     from avatargen.avatar import shipped
     from avatargen.body.load import load_body
     from avatargen.data.dataset import open_pictures
@@ -106,7 +106,7 @@ def run(options: Options) -> None:
         return
     pictures = open_pictures(options.data, config.render.image_size)
     path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
-    accelerator = Accelerator(mixed_precision=config.precision, cpu=not torch.cuda.is_available())
+    accelerator = accelerator_for(config)
     train(
         config,
         pictures,
@@ -118,6 +118,21 @@ def run(options: Options) -> None:
     )
     if accelerator.is_main_process:
         print(options.out / "generator.safetensors")
+
+
+def accelerator_for(config: AdversarialConfig) -> "Accelerator":
+    """The machine's devices and processes, if they know the wanted precision.
+
+    Raises:
+        InputError: fp16 is wanted and there is no GPU.
+    """
+    import torch
+    from accelerate import Accelerator
+
+    gpu = torch.cuda.is_available()
+    if config.precision == "fp16" and not gpu:
+        raise InputError("found no GPU, which precision fp16 needs; take bf16 or no")
+    return Accelerator(cpu=not gpu)
 
 
 if __name__ == "__main__":
