@@ -237,9 +237,13 @@ def shipped(name: str) -> Path:
     return Path(str(resources.files("avatargen"))) / "pretrained" / name
 
 
-def training_body() -> Body:
-    """The default body as data sets and training have it: on SMPL's 24 joints, which need no fingers."""
-    return without_fingers(load_body(shipped("body.npz")))
+def training_body(path: Path | None = None) -> Body:
+    """The body of a file; or the default one as its data sets have it: on SMPL's 24 joints, without fingers.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    return load_body(path) if path else without_fingers(load_body(shipped("body.npz")))
 
 
 def trained_body(wanted: str) -> CanonicalBody:

@@ -9,15 +9,19 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
+import numpy as np
 import pytest
 import torch
+from torch.nn import functional as F
 
+from avatargen.body.model import canonical_body
 from avatargen.commands.main import main
 from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.errors import TrainingError
 from avatargen.generator.checkpoint import load_checkpoint
-from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig
+from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig, body_hash
 from avatargen.generator.picture import CanonicalSurface
 from avatargen.training.adversarial import (
     Run,
@@ -168,6 +172,48 @@ def last_layer(state: State) -> Tensor:
     return state.generator.decoder.get_parameter("networks.0.geometry.weight")
 
 
+def gradients_after_a_step(config: AdversarialConfig, pictures: Pictures) -> tuple[dict, dict]:
+    """Gradients of both networks in the first step, R1 among them, and the numbers of the log."""
+    state, run = fresh(config, pictures)
+    if state.scaler.is_enabled():  # 65536 at first, which overflows; a few steps later
+        state.scaler.load_state_dict(state.scaler.state_dict() | {"scale": 256.0})
+    numbers = step_once(state, run, draw_batch(pictures, config, state.generator.config, 0, WHOLE), 0)
+    networks = {"generator": state.generator, "discriminator": state.discriminator}
+    return {
+        name: torch.cat([p.grad.flatten() for p in network.parameters() if p.grad is not None])
+        for name, network in networks.items()
+    }, numbers
+
+
+@pytest.mark.parametrize("precision", ["bf16", "fp16"])
+def test_half_precision_steps_almost_as_float32_does(pictures: Pictures, precision: Literal["bf16", "fp16"]):
+    """The same code as on a GPU, by the CPU's autocast; fp16 with its scaler."""
+    one, whole = gradients_after_a_step(CONFIG, pictures)
+    config = replace(CONFIG, precision=precision)
+    other, numbers = gradients_after_a_step(config, pictures)
+    assert numbers.keys() == whole.keys()
+    for name, value in whole.items():
+        assert numbers[name] == pytest.approx(value, rel=0.03, abs=0.02), name
+    for name, gradient in one.items():
+        assert torch.isfinite(other[name]).all() and not torch.equal(other[name], gradient)
+        assert float(F.cosine_similarity(gradient, other[name], dim=0)) > 0.995, name
+
+
+def test_a_step_that_overflows_in_fp16_is_left_out_and_scaled_less(pictures: Pictures):
+    state, run = fresh(replace(CONFIG, precision="fp16"), pictures)
+    before = {name: value.clone() for name, value in state.generator.state_dict().items()}
+    scale = state.scaler.get_scale()
+    with torch.no_grad():
+        state.discriminator.judge.bias.fill_(float("inf"))
+    step_once(state, run, draw_batch(pictures, CONFIG, state.generator.config, 0, WHOLE), 1)
+    assert all(torch.equal(before[name], value) for name, value in state.generator.state_dict().items())
+    assert state.scaler.get_scale() == scale / 2
+    assert state.parts()["scaler"].state_dict()["scale"] == scale / 2  # so a resumed run goes on with it
+    state.scaler.load_state_dict(state.scaler.state_dict() | {"scale": 1.0})
+    with pytest.raises(TrainingError, match="gradient has norm"):
+        step_once(state, run, draw_batch(pictures, CONFIG, state.generator.config, 1, WHOLE), 2)
+
+
 def test_gradients_that_explode_or_are_none_stop_the_run_and_keep_the_checkpoint(folder: Path):
     out = folder / "exploding"
     small_run(folder / "data", out, replace(CONFIG, images=4))
@@ -205,6 +251,20 @@ def test_weights_to_start_from_must_fit(folder: Path, pictures: Pictures):
     larger = replace(CONFIG, render=replace(CONFIG.render, image_size=32))
     with pytest.raises(TrainingError, match="other networks"):
         train(larger, pictures, BODY, folder / "unfit", accelerator(), [].append, start)
+
+
+def test_labels_and_weights_of_another_body_are_refused(folder: Path, pictures: Pictures):
+    other = replace(pictures, labels=replace(pictures.labels, body="0" * 64))
+    with pytest.raises(TrainingError, match=r"labels in .* of another body"):
+        train(CONFIG, other, BODY, folder / "other", accelerator(), [].append)
+    own = replace(pictures, labels=replace(pictures.labels, body=body_hash(canonical_body(BODY))))
+    short = replace(CONFIG, images=2)
+    train(short, own, BODY, folder / "own", accelerator(), [].append)
+    start = load_checkpoint(folder / "own" / "generator.safetensors")
+    taller = replace(BODY, v_template=BODY.v_template * np.float32(1.1))
+    with pytest.raises(TrainingError, match="weights to start from are of another body"):
+        train(short, pictures, taller, folder / "taller", accelerator(), [].append, start)
+    assert not (folder / "other").exists() and not (folder / "taller").exists()
 
 
 def test_the_average_halves_its_distance_in_a_half_life(pictures: Pictures):
@@ -248,7 +308,7 @@ def test_snapshots_fall_on_multiples_and_the_end():
 
 
 def test_the_command_shows_its_settings_and_names_what_is_wrong(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     arguments = ["train", "--preset", "cpu", "--data", str(tmp_path), "--out", str(tmp_path / "run")]
     assert main([*arguments, "--dry-run", "--training.geometry.prior", "observed"]) == 0
@@ -257,6 +317,12 @@ def test_the_command_shows_its_settings_and_names_what_is_wrong(
     assert main(arguments) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "dataset.json" in error
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    make_data(tmp_path / "data")
+    small = ["train", "--preset", "debug", "--data", str(tmp_path / "data"), "--out", str(tmp_path / "run")]
+    assert main([*small, "--training.precision", "fp16"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "fp16" in error and "bf16" in error
     assert main(["train", "--preset", "huge", "--data", "x", "--out", "y"]) == 2
     assert "debug, cpu, gpu, paper" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()

@@ -11,6 +11,7 @@ from scipy.linalg import sqrtm
 from avatargen.body.model import pose, shape
 from avatargen.body.pose import named_pose
 from avatargen.data.dataset import open_pictures
+from avatargen.data.joints import project
 from avatargen.data.raycast import Light, shoot
 from avatargen.errors import InputError
 from avatargen.generator.camera import Camera, front_camera, rays
@@ -19,7 +20,7 @@ from avatargen.generator.picture import CanonicalSurface
 from avatargen.metrics.evaluate import EvalConfig, evaluate, interval
 from avatargen.metrics.features import all_features, load_inception, random_features
 from avatargen.metrics.frechet import covariance, distance_error, frechet_distance
-from avatargen.metrics.joints import fit_joints, project, true_joints
+from avatargen.metrics.joints import fit_joints, true_joints
 from avatargen.metrics.warp import carry, warp_error
 from avatargen.training.adversarial import generator_config
 from avatargen.training.adversarial_state import new_state

@@ -48,11 +48,11 @@ def convert_pickle(path: Path) -> dict[str, np.ndarray]:
         return read_npz(target, KEYS, what="body")
 
 
-def run_limited(source: Path, target: Path) -> str | None:
-    """Convert in a subprocess; None, or what went wrong in one line."""
+def run_limited(source: Path, target: Path, module: str = "avatargen.body.pickle") -> str | None:
+    """Convert in a subprocess that runs a module; None, or what went wrong in one line."""
     root = Path(__file__).resolve().parents[2]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(root)}
-    command = [sys.executable, "-m", "avatargen.body.pickle", str(source), str(target)]
+    command = [sys.executable, "-m", module, str(source), str(target)]
     try:
         done = subprocess.run(
             command,

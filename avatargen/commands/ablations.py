@@ -41,11 +41,9 @@ def run(options: Options) -> None:
     """Train all, measure all, print and write the table."""
     from dataclasses import replace
 
-    import torch
-    from accelerate import Accelerator
-
     from avatargen.atomic import write_together
     from avatargen.avatar import training_body
+    from avatargen.commands.train import accelerator_for
     from avatargen.data.dataset import open_pictures
     from avatargen.metrics.ablations import run_ablations, table
     from avatargen.training.adversarial_config import PRESETS
@@ -59,7 +57,7 @@ def run(options: Options) -> None:
         open_pictures(options.held_out, size),
         training_body(),
         options.out,
-        Accelerator(mixed_precision=base.precision, cpu=not torch.cuda.is_available()),
+        accelerator_for(base),
         lambda name: print(name, flush=True),
     )
     facts = {"preset": options.preset, "images": base.images, "rows": [asdict(row) for row in rows]}

@@ -27,6 +27,8 @@ class Options:
     """Other real pictures, for the joint estimator and for what real pictures reach."""
     out: Path
     """Where to write, .json."""
+    body: Path | None = None
+    """The body that the labels are of, where it is not the shipped one."""
     inception: Path | None = None
     """Inception as a TorchScript file; then the distance is the FID."""
     measure: EvalConfig = field(default_factory=EvalConfig)
@@ -57,7 +59,7 @@ def run(options: Options) -> None:
         features = ("FID", load_inception(options.inception))
     report = evaluate(
         checkpoint.generator,
-        CanonicalSurface(training_body()),
+        CanonicalSurface(training_body(options.body)),
         open_pictures(options.data, size),
         open_pictures(options.reference, size),
         features,

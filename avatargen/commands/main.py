@@ -42,6 +42,11 @@ COMMANDS = (
         function="avatargen.commands.data_synth:main",
     ),
     Command(
+        words=("data", "prepare"),
+        summary="photographs with masks and SMPL estimates to a data set; the same command resumes",
+        function="avatargen.commands.data_prepare:main",
+    ),
+    Command(
         words=("train", "warm-start"),
         summary="train a generator on the procedural wardrobe; the same command resumes",
         function="avatargen.commands.train_warm_start:main",

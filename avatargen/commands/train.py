@@ -10,11 +10,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from avatargen.commands.line import run_command
 from avatargen.errors import InputError
 from avatargen.training.adversarial_config import PRESETS, AdversarialConfig
+
+if TYPE_CHECKING:
+    from accelerate import Accelerator
 
 PROGRAM = "avatargen train"
 
@@ -27,6 +30,7 @@ class Options:
     out: Path
     preset: str
     start_from: str | None
+    body: Path | None
     training: AdversarialConfig
     dry_run: bool
 
@@ -47,6 +51,7 @@ def parse(words: list[str]) -> Options:
         out: Path,
         preset: Literal["debug", "cpu", "gpu", "paper"],
         start_from: str | None = None,
+        body: Path | None = None,
         training: AdversarialConfig = chosen,
         dry_run: bool = False,
     ) -> Options:
@@ -57,10 +62,17 @@ def parse(words: list[str]) -> Options:
             out: Folder of the run.
             preset: Where the settings start from; every one of them can be changed.
             start_from: Weights to begin with: a file, or `shipped` for those of the package.
+            body: The body that the labels are of, where it is not the shipped one.
             dry_run: Print the settings and stop.
         """
         return Options(
-            data=data, out=out, preset=preset, start_from=start_from, training=training, dry_run=dry_run
+            data=data,
+            out=out,
+            preset=preset,
+            start_from=start_from,
+            body=body,
+            training=training,
+            dry_run=dry_run,
         )
 
     return tyro.cli(options, prog=PROGRAM, args=words)
@@ -82,9 +94,6 @@ def preset_of(words: list[str]) -> str:
 
 def run(options: Options) -> None:
     """Open the data, load the weights to start from, and train."""
-    import torch
-    from accelerate import Accelerator
-
     from avatargen.avatar import shipped, training_body
     from avatargen.data.dataset import open_pictures
     from avatargen.generator.checkpoint import load_checkpoint
@@ -96,11 +105,11 @@ def run(options: Options) -> None:
         return
     pictures = open_pictures(options.data, config.render.image_size)
     path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
-    accelerator = Accelerator(mixed_precision=config.precision, cpu=not torch.cuda.is_available())
+    accelerator = accelerator_for(config)
     train(
         config,
         pictures,
-        training_body(),
+        training_body(options.body),
         options.out,
         accelerator,
         lambda line: print(line, flush=True),
@@ -108,6 +117,21 @@ def run(options: Options) -> None:
     )
     if accelerator.is_main_process:
         print(options.out / "generator.safetensors")
+
+
+def accelerator_for(config: AdversarialConfig) -> "Accelerator":
+    """The machine's devices and processes, if they know the wanted precision.
+
+    Raises:
+        InputError: fp16 is wanted and there is no GPU.
+    """
+    import torch
+    from accelerate import Accelerator
+
+    gpu = torch.cuda.is_available()
+    if config.precision == "fp16" and not gpu:
+        raise InputError("found no GPU, which precision fp16 needs; take bf16 or no")
+    return Accelerator(cpu=not gpu)
 
 
 if __name__ == "__main__":

@@ -54,6 +54,15 @@ class Pictures:
             )
         return np.asarray(made.reduce(made.width // self.size))
 
+    def choose(self, shape: tuple[int, ...], random: torch.Generator) -> Tensor:
+        """Random pictures, each as often as its weight says."""
+        weights = self.labels.weights
+        if weights is None:
+            return torch.randint(len(self), shape, generator=random)
+        ends = torch.from_numpy(np.cumsum(weights, dtype=np.float64))
+        place = torch.rand(shape, generator=random, dtype=torch.float64) * ends[-1]
+        return torch.searchsorted(ends, place, right=True).clamp_max(len(self) - 1)
+
     def row(self, indices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Cameras [N 25], poses [N J 3] and betas [N b] of pictures."""
         chosen = indices.numpy()

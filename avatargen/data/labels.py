@@ -8,6 +8,9 @@ intrinsics normalised by the picture's size); the pose is axis-angle in radians 
 the root first, as in `avatargen.body.pose`; betas are the body's own. The person's root joint is not
 translated. The first 25 numbers of a row are what EG3D reads.
 
+A prepared data set also holds "weights", how often each picture is shown (`avatargen.data.balance`), "body",
+the hash of the body that poses and betas are of, and "prepared_from", the convention its labels came in.
+
 Letters: N pictures, J joints, b directions of shape.
 """
 
@@ -33,6 +36,8 @@ class Labels:
     camera: Float32[np.ndarray, "N 25"]
     pose: Float32[np.ndarray, "N J 3"]
     betas: Float32[np.ndarray, "N b"]
+    weights: Float32[np.ndarray, " N"] | None = None  # how often each is shown; none: all alike
+    body: str = ""  # `body_hash` of the canonical body they are of; empty: the shipped one
 
     def __len__(self) -> int:
         return len(self.names)
@@ -43,7 +48,7 @@ class Labels:
 
 
 def joined(parts: list[Labels]) -> Labels:
-    """The labels of several lists, one after another."""
+    """The labels of several lists without weights, one after another."""
     return Labels(
         names=tuple(name for part in parts for name in part.names),
         camera=np.concatenate([part.camera for part in parts]),
@@ -52,14 +57,18 @@ def joined(parts: list[Labels]) -> Labels:
     )
 
 
-def encode_labels(labels: Labels) -> bytes:
-    """The text of the file; numbers as short as they come back to the same float32."""
+def encode_labels(labels: Labels, **more: object) -> bytes:
+    """The text of the file; numbers as short as they come back to the same float32. `more` stands beside."""
     layout = {"camera": CAMERA_SIZE, "pose": labels.pose[0].size, "betas": labels.betas.shape[1]}
     rows = [
         [name, [float(str(value)) for value in row]]
         for name, row in zip(labels.names, labels.rows(), strict=True)
     ]
-    return json.dumps({"convention": CONVENTION, "layout": layout, "labels": rows}).encode()
+    if labels.body:
+        more = {"body": labels.body, **more}
+    if labels.weights is not None:
+        more = {"weights": [float(str(value)) for value in labels.weights], **more}
+    return json.dumps({"convention": CONVENTION, "layout": layout, **more, "labels": rows}).encode()
 
 
 def read_labels(path: Path) -> Labels:
@@ -75,6 +84,8 @@ def read_labels(path: Path) -> Labels:
         names = tuple(str(name) for name, _ in labels)
         widths = [int(layout[part]) for part in ("camera", "pose", "betas")]
         rows = np.array([row for _, row in labels], dtype=np.float32)
+        weights = read_weights(content.get("weights"), len(names))
+        body = str(content.get("body", ""))
     except OSError as error:
         raise InputError(
             f"data: cannot read {path} ({error.strerror}); name a folder that holds it"
@@ -88,4 +99,15 @@ def read_labels(path: Path) -> Labels:
     if not np.isfinite(rows).all():
         raise InputError(f"data: {path} holds NaN or infinity; make the data set anew")
     camera, pose, betas = np.split(rows, np.cumsum(widths)[:2], axis=1)
-    return Labels(names=names, camera=camera, pose=pose.reshape(len(rows), -1, 3), betas=betas)
+    pose = pose.reshape(len(rows), -1, 3)
+    return Labels(names=names, camera=camera, pose=pose, betas=betas, weights=weights, body=body)
+
+
+def read_weights(found: list[float] | None, count: int) -> Float32[np.ndarray, " N"] | None:
+    """Raises ValueError unless there are none, or as many finite positive numbers as pictures."""
+    if found is None:
+        return None
+    weights = np.array(found, dtype=np.float32)
+    if weights.shape != (count,) or not (np.isfinite(weights) & (weights > 0)).all():
+        raise ValueError(f"weights of {count} pictures are {weights.shape}, or not positive")
+    return weights

@@ -10,22 +10,16 @@ Person i and all that happens to it is a function of (seed, i): any number of pr
 """
 
 import dataclasses
-import io
-import json
-import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import torch
-from PIL import Image
 
 from avatargen.atomic import write_atomically
 from avatargen.body.model import canonical_body
+from avatargen.data.folder import claim, in_processes, png
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels, joined, read_labels
 from avatargen.errors import InputError
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
@@ -66,7 +60,7 @@ def synthesize(
     Raises:
         InputError: the folder holds something else, or cannot be written.
     """
-    claim(out, config)
+    claim(out, SETTINGS_FILE, dataclasses.asdict(config), "data synth")
     missing = [i for i in range(people) if not record(out, i).exists()]
     done = people - len(missing)
     report(done, people)
@@ -82,30 +76,6 @@ def record(out: Path, person: int) -> Path:
     return out / "people" / f"{person:05d}.json"
 
 
-def claim(out: Path, config: SynthConfig) -> None:
-    """Make the folder this run's, or see that it is.
-
-    Raises:
-        InputError: it holds other files, or pictures of other settings.
-    """
-    settings = dataclasses.asdict(config)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        if (out / SETTINGS_FILE).exists():
-            found = json.loads((out / SETTINGS_FILE).read_bytes())
-        elif any(not entry.name.startswith(".") for entry in out.iterdir()):
-            raise InputError(f"data synth: {out} holds other files; name an empty or a new folder")
-        else:
-            found = settings
-            write_atomically(out / SETTINGS_FILE, json.dumps(settings).encode())
-    except (OSError, json.JSONDecodeError) as error:
-        raise InputError(f"data synth: cannot use {out} ({error}); name another folder") from error
-    if found != settings:
-        raise InputError(
-            f"data synth: {out} was made with {found}, now {settings} is wanted; name another folder"
-        )
-
-
 def make_all(out: Path, missing: list[int], config: SynthConfig, workers: int) -> Iterator[None]:
     """Make people in processes of their own, in any order; yields as each is done."""
     workers = min(workers, len(missing))
@@ -114,27 +84,8 @@ def make_all(out: Path, missing: list[int], config: SynthConfig, workers: int) -
         for person in missing:
             yield maker.make(out, person)
         return
-    with (
-        single_threaded(),
-        ProcessPoolExecutor(
-            workers, mp_context=get_context("spawn"), initializer=start_worker, initargs=(config,)
-        ) as pool,
-    ):
-        for future in as_completed([pool.submit(make_in_worker, out, person) for person in missing]):
-            yield future.result()
-
-
-@contextmanager
-def single_threaded() -> Iterator[None]:
-    """Processes started meanwhile use one thread each: a process a core is faster than threads that share."""
-    before = os.environ.get("OMP_NUM_THREADS")
-    os.environ["OMP_NUM_THREADS"] = "1"
-    try:
-        yield
-    finally:
-        del os.environ["OMP_NUM_THREADS"]
-        if before is not None:
-            os.environ["OMP_NUM_THREADS"] = before
+    jobs = [(out, person) for person in missing]
+    yield from in_processes(workers, (start_worker, (config,)), make_in_worker, jobs)
 
 
 WORKER: list["PersonMaker"] = []  # the one of this process
@@ -199,10 +150,3 @@ class PersonMaker:
             betas=np.repeat(mesh.betas[None], len(names), axis=0),
         )
         return labels, files
-
-
-def png(pixels: np.ndarray) -> bytes:
-    """PNG of [S S 3] or [S S] in 8 bits, or [S S] in 16; quick rather than small."""
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, format="png", compress_level=1)
-    return stream.getvalue()

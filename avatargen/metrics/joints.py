@@ -11,15 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 from torch.nn import functional as F
 
-from avatargen.body.model import Body, forward_kinematics, shape
-from avatargen.body.pose import axis_angle_to_matrix
+from avatargen.body.model import Body
 from avatargen.data.dataset import Pictures
-from avatargen.generator.camera import camera_of_vector
+from avatargen.data.joints import projected_joints
 
 JointEstimator = Callable[[Float[Tensor, "N 3 S S"]], Float64[np.ndarray, "N J 2"]]
 
@@ -29,21 +27,10 @@ RIDGE = 1e-2
 
 def true_joints(pictures: Pictures, body: Body, indices: np.ndarray) -> Float64[np.ndarray, "N J 2"]:
     """Projections of the labels' joints."""
-    labels, found = pictures.labels, []
-    for i in indices:
-        rest = shape(body, labels.betas[i]).joints
-        world = forward_kinematics(rest, axis_angle_to_matrix(labels.pose[i]), body.parents)[:, :3, 3]
-        found.append(project(world, labels.camera[i]))
-    return np.stack(found)
-
-
-def project(points: Float[np.ndarray, "N 3"], camera: Float[np.ndarray, "25"]) -> Float64[np.ndarray, "N 2"]:
-    """World points to places in the picture."""
-    one = camera_of_vector(torch.from_numpy(camera)[None].double())
-    cam2world, intrinsics = one.cam2world[0].numpy(), one.intrinsics[0].numpy()
-    local = (points - cam2world[:3, 3]) @ cam2world[:3, :3]
-    pixels = local @ intrinsics.T
-    return pixels[:, :2] / np.maximum(pixels[:, 2:], 1e-6)
+    labels = pictures.labels
+    return np.stack(
+        [projected_joints(body, labels.camera[i], labels.pose[i], labels.betas[i]) for i in indices]
+    )
 
 
 def darkness(images: Float[Tensor, "N 3 S S"]) -> Float64[np.ndarray, "N k"]:

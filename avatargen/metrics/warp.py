@@ -12,9 +12,9 @@ from jaxtyping import Bool, Float, Float64, Int64
 from torch import Tensor
 from torch.nn import functional as F
 
+from avatargen.data.joints import project
 from avatargen.generator.camera import Camera, rays
 from avatargen.generator.canonical import CanonicalMap
-from avatargen.metrics.joints import project
 
 SOLID = 0.9  # coverage of a pixel that counts
 SAME_POINT = 0.04  # metres between a carried point and what the camera sees there

@@ -10,11 +10,12 @@ Letters: B pictures of a process, Z size of the latent, L length of a label.
 """
 
 import json
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import torch
 from jaxtyping import Float
@@ -79,7 +80,7 @@ def draw_batch(
     """The batch of a step, or a process's share of it."""
     random = torch.Generator().manual_seed((config.seed * 1_000_000_007 + step) % 2**63)
     B, Z = config.batch, networks.mapping.z_size
-    real, asked, swapped = torch.randint(len(pictures), (3, B), generator=random)
+    real, asked, swapped = pictures.choose((3, B), random)
     z, other_z = torch.randn(2, B, Z, generator=random)
     swap = torch.rand(B, generator=random) < config.variety.camera_swap
     mix = float(torch.rand((), generator=random)) < config.variety.style_mixing
@@ -115,6 +116,12 @@ class Run:
     surface: CanonicalSurface
     accelerator: "Accelerator"
 
+    def autocast(self) -> torch.autocast:
+        """The precision of the networks' operations; without a scaler of accelerate's, as `State` has one."""
+        name = self.config.precision
+        half = torch.float16 if name == "fp16" else torch.bfloat16
+        return torch.autocast(self.accelerator.device.type, half, enabled=name != "no")
+
 
 def train(
     config: AdversarialConfig,
@@ -130,9 +137,14 @@ def train(
     `start` gives the generator its first weights; without it they are random. `report` takes progress lines.
 
     Raises:
-        TrainingError: gradients are not finite or explode, or the folder holds another run.
+        TrainingError: gradients are not finite or explode, the folder holds another run, or the pictures'
+        labels or the weights to start from are of another body.
     """
     networks = generator_config(config, body, start)
+    if pictures.labels.body not in ("", networks.body_hash):
+        raise TrainingError(
+            f"train: the labels in {pictures.folder} are of another body; name it with --body"
+        )
     run = Run(config=config, surface=CanonicalSurface(body), accelerator=accelerator)
     main, share = accelerator.is_main_process, share_of_process(config, accelerator)
     if main:
@@ -173,8 +185,15 @@ def snapshot_is_due(images: int, config: AdversarialConfig) -> bool:
 
 
 def generator_config(config: AdversarialConfig, body: Body, start: Checkpoint | None) -> GeneratorConfig:
-    """The networks of the preset, or of the weights to start from, with this run's geometry and rendering."""
-    networks = start.generator.config if start else for_body(NETWORKS[config.networks], canonical_body(body))
+    """The networks of the preset, or of the weights to start from, with this run's geometry and rendering.
+
+    Raises:
+        TrainingError: those weights are of another body.
+    """
+    fresh = for_body(NETWORKS[config.networks], canonical_body(body))
+    networks = start.generator.config if start else fresh
+    if networks.body_hash != fresh.body_hash:
+        raise TrainingError("train: the weights to start from are of another body; start without them")
     decoder = networks.decoder
     if config.geometry.prior == "none":
         decoder = replace(decoder, vertex_features=0)
@@ -201,10 +220,13 @@ def step_once(state: State, run: Run, batch: Batch, step: int) -> dict[str, floa
     """One step of both networks on the same generated pictures; returns the numbers of the log."""
     config = run.config
     sigma = config.variety.blur * max(0.0, 1 - state.images / config.variety.blur_fade)
-    with run.accelerator.autocast():
+    with run.autocast():
         people, fake = generate(state.generator, run.surface, batch)
     numbers = improve_discriminator(state, run, batch, fake, sigma, lazy=step % config.losses.r1_every == 0)
+    state.discriminator.requires_grad_(False)  # the generator's step wants no gradients of its judge
     numbers |= improve_generator(state, run, batch, people, fake, sigma)
+    state.discriminator.requires_grad_(True)
+    state.scaler.update()
     state.images += config.batch
     update_average(state, config)
     return numbers
@@ -229,7 +251,7 @@ def improve_discriminator(
     """One step of the discriminator, now and then with R1."""
     size, weights = fake.raw.shape[-1], run.config.losses
     real_raw = F.interpolate(batch.real, size=(size, size), mode="area")
-    with run.accelerator.autocast():
+    with run.autocast():
         on_fake = judge(state.discriminator, fake.image.detach(), fake.raw.detach(), batch.label, sigma)
         on_real = judge(state.discriminator, batch.real, real_raw, batch.real_label, sigma)
     loss = discriminator_loss(on_fake.float(), on_real.float())
@@ -244,11 +266,7 @@ def improve_discriminator(
             state.discriminator, blur(batch.real, sigma), blur(real_raw, sigma * ratio), batch.real_label
         )
         loss = loss + penalty * weights.r1 * weights.r1_every
-    state.discriminator_optimizer.zero_grad(set_to_none=True)
-    loss.backward()
-    numbers["discriminator_gradient"] = finish_step(
-        state.discriminator, state.discriminator_optimizer, run, state.images, "discriminator"
-    )
+    numbers["discriminator_gradient"] = descend(loss, "discriminator", state, run)
     return numbers
 
 
@@ -257,7 +275,7 @@ def improve_generator(
 ) -> dict[str, float]:
     """One step of the generator, by the discriminator and by the losses of its geometry."""
     weights = run.config.losses
-    with run.accelerator.autocast():
+    with run.autocast():
         logits = judge(state.discriminator, fake.image, fake.raw, batch.label, sigma)
     adversarial = generator_loss(logits.float())
     shape = geometry_losses(state.generator, run.surface, people, weights.points, batch.draws)
@@ -267,9 +285,7 @@ def improve_generator(
         + weights.minimal_surface * shape.minimal_surface
         + weights.smpl * shape.smpl
     )
-    state.generator_optimizer.zero_grad(set_to_none=True)
-    loss.backward()
-    norm = finish_step(state.generator, state.generator_optimizer, run, state.images, "generator")
+    norm = descend(loss, "generator", state, run)
     return {
         "generator": float(adversarial.detach()),
         "eikonal": float(shape.eikonal.detach()),
@@ -300,29 +316,43 @@ def blur(picture: Float[Tensor, "B 3 S S"], sigma: float) -> Float[Tensor, "B 3 
     return F.conv2d(F.conv2d(wide, kernel, groups=3), kernel.transpose(2, 3), groups=3)
 
 
-def finish_step(
-    network: nn.Module, optimizer: torch.optim.Optimizer, run: Run, images: int, name: str
+def descend(
+    loss: Float[Tensor, ""], name: Literal["generator", "discriminator"], state: State, run: Run
 ) -> float:
-    """Average the gradients over the processes, check them, and step; returns their norm.
+    """One step of a network down a loss whose gradients are averaged over the processes; returns their norm.
+
+    In fp16 a step whose gradients overflow is left out, and the next one scales them less.
 
     Raises:
-        TrainingError: they are not finite or explode; what was saved last stays.
+        TrainingError: gradients are not finite or explode; what was saved last stays.
     """
+    network, optimizer = getattr(state, name), getattr(state, f"{name}_optimizer")
+    optimizer.zero_grad(set_to_none=True)
+    state.scaler.scale(loss).backward()
     gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
-    flat = torch.cat([gradient.flatten() for gradient in gradients])
-    flat = run.accelerator.reduce(flat, reduction="mean")
-    norm = float(flat.norm())  # pyright: ignore[reportAttributeAccessIssue]
-    if not norm < run.config.optimizer.largest_gradient:
+    share_gradients(gradients, run)
+    state.scaler.unscale_(optimizer)
+    norm = float(torch.cat([gradient.flatten() for gradient in gradients]).norm())
+    overflow = state.scaler.is_enabled() and not math.isfinite(norm) and state.scaler.get_scale() > 1
+    if not norm < run.config.optimizer.largest_gradient and not overflow:
         raise TrainingError(
-            f"train: the {name}'s gradient has norm {norm:.3g} at picture {images}, at most "
+            f"train: the {name}'s gradient has norm {norm:.3g} at picture {state.images}, at most "
             f"{run.config.optimizer.largest_gradient:.3g} is taken; lower the learning rates or raise r1 "
             "(the last checkpoint is kept)"
         )
-    sizes = [gradient.numel() for gradient in gradients]
-    for gradient, mean in zip(gradients, flat.split(sizes), strict=True):  # pyright: ignore[reportAttributeAccessIssue]
-        gradient.copy_(mean.view_as(gradient))
-    optimizer.step()
+    state.scaler.step(optimizer)
     return norm
+
+
+def share_gradients(gradients: list[Tensor], run: Run) -> None:
+    """Replace gradients by their mean over the processes; alone there is nothing to do."""
+    if run.accelerator.num_processes == 1:
+        return
+    flat = torch.cat([gradient.flatten() for gradient in gradients])
+    mean = run.accelerator.reduce(flat, reduction="mean")
+    sizes = [gradient.numel() for gradient in gradients]
+    for gradient, part in zip(gradients, mean.split(sizes), strict=True):  # pyright: ignore[reportAttributeAccessIssue]
+        gradient.copy_(part.view_as(gradient))
 
 
 @torch.no_grad()

@@ -66,7 +66,7 @@ class AdversarialConfig:
     seed: int = 0
     snapshot_every: int = 2_000  # checkpoint, state and picture grid
     report_every: int = 10  # steps between lines of the log
-    precision: Literal["no", "bf16"] = "no"
+    precision: Literal["no", "bf16", "fp16"] = "no"  # of both networks' convolutions; rendering keeps float32
 
     def __post_init__(self) -> None:
         if self.batch < 1 or self.batch % self.discriminator.group:

@@ -37,6 +37,7 @@ class State:
     discriminator: Discriminator
     generator_optimizer: torch.optim.Adam
     discriminator_optimizer: torch.optim.Adam
+    scaler: torch.amp.GradScaler  # keeps fp16 gradients from vanishing; does nothing in other precisions
 
     def parts(self) -> dict[str, Any]:
         """Everything that has a state dict, by name."""
@@ -81,6 +82,7 @@ def new_state(
         discriminator_optimizer=adam(
             [{"params": list(discriminator.parameters()), "lr": rates.discriminator_rate}], rates, lazy
         ),
+        scaler=torch.amp.GradScaler(device.type, enabled=config.precision == "fp16"),
     )
 
 

@@ -98,14 +98,15 @@ class Discriminator(nn.Module):
         x = torch.cat([x, variety(x, self.config.group)], dim=1)
         x = leaky_relu(self.hidden(leaky_relu(self.mix(x)).flatten(1)))
         enter, leave = self.label
-        key = normalize_second_moment(leave(leaky_relu(enter(normalize_second_moment(label)))))
+        key = normalize_second_moment(leave(leaky_relu(enter(normalize_second_moment(label)))).float())
         return (self.judge(x) * key).sum(dim=1) / math.sqrt(self.config.condition)
 
 
 def variety(x: Float[Tensor, "B C h w"], group: int) -> Float[Tensor, "B 1 h w"]:
     """Mean standard deviation within groups of neighbours (StyleGAN's minibatch standard deviation).
 
-    Neighbours stay together when a batch is split over processes, so the split changes no number.
+    Neighbours stay together when a batch is split over processes, so the split changes no number. In float32:
+    where pictures agree, on the white beside people, 1e-8 keeps the root's slope finite, and is 0 in fp16.
 
     Raises:
         InputError: the batch is no whole number of groups.
@@ -113,6 +114,6 @@ def variety(x: Float[Tensor, "B C h w"], group: int) -> Float[Tensor, "B 1 h w"]
     B, _, h, w = x.shape
     if B % group:
         raise InputError(f"discriminator: {B} pictures are no whole number of groups of {group}")
-    y = x.unflatten(0, (-1, group))
+    y = x.float().unflatten(0, (-1, group))
     deviation = (y.var(dim=1, unbiased=False) + 1e-8).sqrt().mean(dim=(1, 2, 3))
-    return deviation.repeat_interleave(group)[:, None, None, None].expand(B, 1, h, w)
+    return deviation.repeat_interleave(group)[:, None, None, None].expand(B, 1, h, w).to(x.dtype)

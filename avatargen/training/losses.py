@@ -60,6 +60,21 @@ def r1_penalty(
     return sum((slope.square().sum(dim=(1, 2, 3)).mean() for slope in slopes), torch.zeros(())) / 2
 
 
+def eikonal(slope: Float[Tensor, " N"]) -> Float[Tensor, ""]:
+    """How far slopes are from one."""
+    return (slope - 1).square().mean()
+
+
+def minimal_surface(sdf: Float[Tensor, " N"]) -> Float[Tensor, ""]:
+    """How near to zero distances in metres are; at most 1, on the surface."""
+    return torch.exp(-STEEPNESS * sdf.abs()).mean()
+
+
+def slope_of(gradient: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
+    """Lengths of gradients, with a derivative that is finite where a gradient is zero."""
+    return (gradient.square().sum(dim=-1) + 1e-12).sqrt()
+
+
 def geometry_losses(
     generator: AvatarGenerator,
     surface: CanonicalSurface,
@@ -80,8 +95,8 @@ def geometry_losses(
         losses_of_person(generator, surface, person, points, draw)
         for person, draw in zip(people, draws, strict=True)
     ]
-    eikonal, minimal, smpl = (torch.stack(column).mean() for column in zip(*rows, strict=True))
-    return GeometryLosses(eikonal=eikonal, minimal_surface=minimal, smpl=smpl)
+    means = [torch.stack(column).mean() for column in zip(*rows, strict=True)]
+    return GeometryLosses(eikonal=means[0], minimal_surface=means[1], smpl=means[2])
 
 
 def losses_of_person(
@@ -92,12 +107,10 @@ def losses_of_person(
     near = vertices[torch.randint(len(vertices), (count,), generator=draw)]
     near = near + torch.randn(near.shape, generator=draw) * SCATTER
     sdf, slope = distance_and_slope(generator, surface, person, near.to(person.w.device))
-    eikonal = (slope - 1).square().mean()
-    minimal = torch.exp(-STEEPNESS * sdf.abs()).mean()
     body = vertices[torch.randint(len(vertices), (BODY_POINTS,), generator=draw)].to(person.w.device)
     canonical, _ = person.map(body, generator.config.render.nearest)
     on_body, _ = field_of_person(generator, surface, person, body, canonical)
-    return eikonal, minimal, on_body.abs().mean()
+    return eikonal(slope), minimal_surface(sdf), on_body.abs().mean()
 
 
 def distance_and_slope(
@@ -108,4 +121,4 @@ def distance_and_slope(
     canonical, _ = person.map(points, generator.config.render.nearest)
     sdf, _ = field_of_person(generator, surface, person, points, canonical, "differentiable")
     (gradient,) = torch.autograd.grad(sdf.sum(), points, create_graph=True)
-    return sdf, (gradient.square().sum(dim=-1) + 1e-12).sqrt()
+    return sdf, slope_of(gradient)

@@ -74,9 +74,9 @@ def run(options: Options) -> None:
 
 def all_cases() -> "list[tuple[str, Case]]":
     """Every case with the name of its group."""
-    from avatargen.commands.stress import fields, numbers, sizes, skeletons
+    from avatargen.commands.stress import fields, losses, numbers, sizes, skeletons
 
-    groups = {"Numbers": numbers, "Fields": fields, "Skinning": skeletons, "Sizes": sizes}
+    groups = {"Numbers": numbers, "Losses": losses, "Fields": fields, "Skinning": skeletons, "Sizes": sizes}
     return [(group, case) for group, module in groups.items() for case in module.cases()]
 
 
