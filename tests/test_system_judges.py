@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from assets.names import rename_joints
 from exporters import export
 from exporters.weld import weld
 from tests.figure import figure, in_motion
@@ -15,7 +16,7 @@ from tests.verdicts import AGREE, our_vertices, parent_names, random_poses
 
 @pytest.mark.parametrize("person", [False, True], ids=["tube", "person"])
 def test_godot_bends_as_ours_does(tmp_path: Path, person: bool) -> None:
-    asset = in_motion(figure()) if person else tube(rings=24, joint_count=4, tilt=0.3)
+    asset = in_motion(rename_joints(figure(), "unity")) if person else tube(rings=24, joint_count=4, tilt=0.3)
     poses = random_poses(asset, count=2, angle=0.6)
     export(asset, tmp_path / "a.glb")
     played = ask_godot(tmp_path / "a.glb", asset, poses)
@@ -24,9 +25,9 @@ def test_godot_bends_as_ours_does(tmp_path: Path, person: bool) -> None:
     assert played.found["bones"] == {name_in_godot(name): parent for name, parent in bones.items()}
     assert played.found["triangles"] == len(asset.faces)
     assert played.found["images"] == [list(asset.texture.shape[:2])]
-    np.testing.assert_allclose(played.rest, asset.vertices, atol=AGREE)
+    np.testing.assert_allclose(played.rest, asset.vertices, atol=AGREE / 10)
     for posed, transforms in zip(played.posed, poses, strict=True):
-        np.testing.assert_allclose(posed, our_vertices(asset, transforms), atol=AGREE)
+        np.testing.assert_allclose(posed, our_vertices(asset, transforms), atol=AGREE / 10)
     assert np.abs(played.posed[0] - played.rest).max() > 0.05
     clips = {clip.name: float(clip.times[-1]) for clip in asset.animations}
     assert played.found["clips"] == pytest.approx(clips)
