@@ -45,6 +45,16 @@ def test_what_is_saved_is_read_back(saved: Path):
     )
 
 
+def test_half_precision_halves_the_file_and_is_read_as_single(saved: Path, tmp_path: Path):
+    generator = random_generator()
+    save_checkpoint(generator, tmp_path / "half.safetensors", half=True)
+    assert (tmp_path / "half.safetensors").stat().st_size < 0.55 * saved.stat().st_size
+    state = load_checkpoint(tmp_path / "half.safetensors").generator.state_dict()
+    for name, tensor in generator.state_dict().items():
+        assert state[name].dtype == tensor.dtype
+        assert torch.allclose(state[name], tensor, rtol=2**-11, atol=1e-7)
+
+
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_survives_json(preset: str):
     from dataclasses import asdict

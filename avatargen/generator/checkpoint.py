@@ -34,15 +34,20 @@ class Checkpoint:
     notes: dict[str, str]
 
 
-def save_checkpoint(generator: AvatarGenerator, path: str | Path, notes: dict[str, str] | None = None) -> str:
+def save_checkpoint(
+    generator: AvatarGenerator, path: str | Path, notes: dict[str, str] | None = None, *, half: bool = False
+) -> str:
     """Write the generator's weights and configuration, whole or not at all; returns the weights' hash.
 
-    `notes` are short texts kept in the metadata (how it was trained, licence).
+    `notes` are short texts kept in the metadata (how it was trained, licence). `half` rounds the weights to
+    half precision, for a file of half the size; they are read as single precision again.
 
     Raises:
         InputError: the weights are not finite, or the path cannot be written.
     """
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in generator.state_dict().items()}
+    if half:
+        tensors = {name: t.half() if t.is_floating_point() else t for name, t in tensors.items()}
     require_finite(tensors, str(path))
     metadata = {
         "format": FORMAT,
@@ -122,7 +127,8 @@ def require_fit(tensors: dict[str, Tensor], wanted: dict[str, Tensor], path: str
             f"weights: {path} has {len(extra)} unknown tensors, first {extra[0]}; download it anew"
         )
     for name, tensor in tensors.items():
-        if tensor.shape != wanted[name].shape or tensor.dtype != wanted[name].dtype:
+        readable = (wanted[name].dtype, torch.float16 if wanted[name].is_floating_point() else None)
+        if tensor.shape != wanted[name].shape or tensor.dtype not in readable:
             raise InputError(
                 f"weights: {name} of {path} is {tensor.dtype} {tuple(tensor.shape)}; "
                 f"{wanted[name].dtype} {tuple(wanted[name].shape)} is needed"

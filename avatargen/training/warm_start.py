@@ -363,7 +363,7 @@ def finish(state: State, config: WarmStartConfig, errors: Errors, path: Path) ->
         "training": f"warm start, {state.step} steps of {config.people} people and {config.points} points",
         "held_out": f"{errors.distance_mm:.3f} mm, colour {errors.colour:.4f}",
     }
-    save_checkpoint(state.average, path, notes)
+    save_checkpoint(state.average, path, notes, half=True)
 
 
 def summarize(step: int, recent: list[Errors], seconds: float, config: WarmStartConfig) -> str:
