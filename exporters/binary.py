@@ -7,7 +7,9 @@ import pygltflib as gltf
 from jaxtyping import Shaped
 
 COMPONENT_TYPES = {
+    "int8": gltf.BYTE,
     "uint8": gltf.UNSIGNED_BYTE,
+    "int16": gltf.SHORT,
     "uint16": gltf.UNSIGNED_SHORT,
     "uint32": gltf.UNSIGNED_INT,
     "float32": gltf.FLOAT,
@@ -23,24 +25,37 @@ class Binary:
     views: list[gltf.BufferView] = field(default_factory=list)
     accessors: list[gltf.Accessor] = field(default_factory=list)
 
-    def add_bytes(self, raw: bytes, target: int | None = None) -> int:
+    def add_bytes(self, raw: bytes, target: int | None = None, stride: int | None = None) -> int:
         """Append bytes; returns the index of their buffer view."""
         self.views.append(
-            gltf.BufferView(buffer=0, byteOffset=len(self.data), byteLength=len(raw), target=target)
+            gltf.BufferView(
+                buffer=0, byteOffset=len(self.data), byteLength=len(raw), target=target, byteStride=stride
+            )
         )
         self.data += raw + bytes(-len(raw) % 4)
         return len(self.views) - 1
 
     def add_array(
-        self, array: Shaped[np.ndarray, "N ..."], target: int | None = None, bounds: bool = False
+        self,
+        array: Shaped[np.ndarray, "N ..."],
+        target: int | None = None,
+        bounds: bool = False,
+        normalized: bool = False,
     ) -> int:
-        """Append an array; returns its accessor's index. `bounds` stores its least and greatest values."""
+        """Append an array; returns its accessor's index. `bounds` stores its least and greatest values;
+        `normalized` whole numbers are shares of their type's largest."""
         little_endian = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        stride = None
+        if target == gltf.ARRAY_BUFFER and (short := -little_endian.strides[0] % 4):  # rows begin at fours
+            stride = little_endian.strides[0] + short
+            missing = short // little_endian.itemsize
+            little_endian = np.pad(little_endian, ((0, 0), (0, missing)))
         accessor = gltf.Accessor(
-            bufferView=self.add_bytes(little_endian.tobytes(), target),
+            bufferView=self.add_bytes(little_endian.tobytes(), target, stride),
             componentType=COMPONENT_TYPES[array.dtype.name],
             count=len(array),
             type=ELEMENT_TYPES[array.shape[1:]],
+            normalized=normalized,
         )
         if bounds:
             columns = array.reshape(len(array), -1)  # bounds are lists, of a single number too

@@ -9,9 +9,10 @@ from assets.plan import Content
 from avatargen.atomic import write_together
 from avatargen.errors import InputError
 from exporters import glb, gltf_files, obj, ply, stl, vrm
+from exporters.encoding import PLAIN, SUFFIXES, Encoding, PictureFormat
 from exporters.file import File
 
-Encoder = Callable[[PlainAsset, tuple[str, ...]], tuple[File, ...]]
+Encoder = Callable[[PlainAsset, tuple[str, ...], Encoding], tuple[File, ...]]
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,8 @@ class Format:
     those that the asset needs, in that order; it touches neither the disk nor the asset. `beside` ends the
     names of the files that stand beside the one asked for: person.usda brings person_base_color.png.
     `content` is the most that the format can hold, `normal_map` whether that is among it, `rest_pose` the one
-    pose that it must have.
+    pose that it must have. `pictures` are the ways it can hold pictures in, `quantize` whether it can hold
+    rounded numbers.
     """
 
     encode: Encoder
@@ -30,29 +32,41 @@ class Format:
     content: Content = "rigged"
     normal_map: bool = True
     rest_pose: str | None = None
+    pictures: tuple[PictureFormat, ...] = ("png", "jpeg")
+    quantize: bool = False
 
 
-def one_file(encode: Callable[[PlainAsset], bytes]) -> Encoder:
+def one_file(encode: Callable[[PlainAsset, Encoding], bytes]) -> Encoder:
     """An encoder that needs no names."""
-    return lambda asset, names: (File(names[0], encode(asset)),)
+    return lambda asset, names, encoding: (File(names[0], encode(asset, encoding)),)
 
 
-def encode_usd(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
+def mesh_file(encode: Callable[[PlainAsset], bytes]) -> Encoder:
+    """An encoder of a format that has one way to be written in."""
+    return lambda asset, names, encoding: (File(names[0], encode(asset)),)
+
+
+def encode_usd(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
     from exporters import usd  # its library takes a quarter of a second to load
 
-    return usd.encode(asset, names)
+    return usd.encode(asset, names, encoding)
 
 
 FORMATS: dict[str, Format] = {
-    ".glb": Format(one_file(glb.encode)),
-    ".gltf": Format(gltf_files.encode, beside=(".bin", "_base_color.png", "_normal.png")),
+    ".glb": Format(one_file(glb.encode), pictures=tuple(SUFFIXES), quantize=True),
+    ".gltf": Format(
+        gltf_files.encode,
+        beside=(".bin", "_base_color.png", "_normal.png"),
+        pictures=tuple(SUFFIXES),
+        quantize=True,
+    ),
     ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
     ".usda": Format(encode_usd, beside=("_base_color.png", "_normal.png")),
     ".usdc": Format(encode_usd, beside=("_base_color.png", "_normal.png")),
     ".usdz": Format(encode_usd),
     ".obj": Format(obj.encode, beside=(".mtl", "_base_color.png", "_normal.png"), content="textured"),
-    ".ply": Format(one_file(ply.encode), content="textured", normal_map=False),
-    ".stl": Format(one_file(stl.encode), content="mesh", normal_map=False),
+    ".ply": Format(mesh_file(ply.encode), content="textured", normal_map=False, pictures=("png",)),
+    ".stl": Format(mesh_file(stl.encode), content="mesh", normal_map=False, pictures=("png",)),
 }
 
 
@@ -70,17 +84,30 @@ def find_format(path: str | Path) -> Format:
     return FORMATS[suffix]
 
 
-def files_of(path: str | Path) -> list[Path]:
+def require_encoding(path: str | Path, encoding: Encoding) -> None:
+    """Raises InputError where the path's format cannot be written that way."""
+    wanted, suffix = find_format(path), Path(path).suffix.lower()
+    if encoding.pictures not in wanted.pictures:
+        raise InputError(
+            f"export: {suffix} holds no {encoding.pictures} pictures; use {' or '.join(wanted.pictures)}"
+        )
+    if encoding.quantize and not wanted.quantize:
+        raise InputError(f"export: {suffix} holds no rounded numbers; leave that out, or use .glb or .gltf")
+
+
+def files_of(path: str | Path, encoding: Encoding = PLAIN) -> list[Path]:
     """Every file that exporting to `path` can write, `path` itself first.
 
     Raises:
-        InputError: the suffix is unknown.
+        InputError: the suffix is unknown, or the format cannot be written that way.
     """
     path = Path(path)
-    return [path, *(path.with_name(path.stem + ending) for ending in find_format(path).beside)]
+    require_encoding(path, encoding)
+    endings = (e.replace(".png", SUFFIXES[encoding.pictures]) for e in find_format(path).beside)
+    return [path, *(path.with_name(path.stem + ending) for ending in endings)]
 
 
-def encode(asset: PlainAsset, path: str | Path) -> list[tuple[Path, bytes]]:
+def encode(asset: PlainAsset, path: str | Path, encoding: Encoding = PLAIN) -> list[tuple[Path, bytes]]:
     """Every file that exporting to `path` writes, with its bytes; `path` comes last.
 
     Written in this order, a file that is there finds the files it names.
@@ -88,17 +115,17 @@ def encode(asset: PlainAsset, path: str | Path) -> list[tuple[Path, bytes]]:
     Raises:
         InputError: the suffix is unknown, or the format cannot carry the asset or the file's name.
     """
-    paths = files_of(path)
-    files = find_format(path).encode(asset, tuple(file.name for file in paths))
+    paths = files_of(path, encoding)
+    files = find_format(path).encode(asset, tuple(file.name for file in paths), encoding)
     return [(paths[0].with_name(file.name), file.data) for file in reversed(files)]
 
 
-def export(asset: PlainAsset, path: str | Path) -> int:
+def export(asset: PlainAsset, path: str | Path, encoding: Encoding = PLAIN) -> int:
     """Write the asset to `path` and the files that belong beside it, all or none; returns the bytes in all.
 
     Raises:
         InputError: as `encode` does, or a file cannot be written; existing files stay as they were.
     """
-    files = encode(asset, path)
+    files = encode(asset, path, encoding)
     write_together(files)
     return sum(len(data) for _, data in files)

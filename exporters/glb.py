@@ -15,16 +15,19 @@ from jaxtyping import Float32, Shaped, UInt8
 
 from assets.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
 from exporters.binary import Binary
+from exporters.encoding import PLAIN, Encoding
+from exporters.file import File
 from exporters.glb_motion import animations, morph_targets, rest_quaternions
-from exporters.png import encode_png
+from exporters.quantize import EXTENSION, cube_around, directions, shares, whole_weights
 
+WEBP = "EXT_texture_webp"
 ROUGHNESS = 0.8  # cloth and skin scatter light; nothing on the asset is metal
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])  # quaternion x y z w
 
 
-def encode(asset: PlainAsset) -> bytes:
+def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
     """The asset as the bytes of a .glb file, with as much in it as the asset has."""
-    return pack(*describe(asset))
+    return pack(*describe(asset, encoding))
 
 
 def pack(document: gltf.GLTF2, data: bytes) -> bytes:
@@ -33,7 +36,9 @@ def pack(document: gltf.GLTF2, data: bytes) -> bytes:
     return b"".join(document.save_to_bytes())
 
 
-def describe(asset: PlainAsset, picture_uris: Sequence[str] = ()) -> tuple[gltf.GLTF2, bytes]:
+def describe(
+    asset: PlainAsset, encoding: Encoding, picture_uris: Sequence[str] = ()
+) -> tuple[gltf.GLTF2, bytes]:
     """The document and its one buffer, which holds the pictures unless these have places of their own."""
     binary = Binary()
     document = gltf.GLTF2(
@@ -41,15 +46,20 @@ def describe(asset: PlainAsset, picture_uris: Sequence[str] = ()) -> tuple[gltf.
         scene=0,
         scenes=[gltf.Scene(name="avatar", nodes=[0])],
         nodes=[gltf.Node(name="avatar", mesh=0)],
-        meshes=[gltf.Mesh(name="avatar", primitives=[mesh_primitive(asset, binary)])],
+        meshes=[gltf.Mesh(name="avatar", primitives=[mesh_primitive(asset, binary, encoding)])],
         materials=[material(asset)],
     )
+    if encoding.quantize:
+        require_extension(document, EXTENSION)
+    if encoding.quantize and not isinstance(asset, Asset):
+        cube = cube_around(asset.vertices)
+        document.nodes[0].translation, document.nodes[0].scale = cube.centre.tolist(), [cube.half] * 3
     if isinstance(asset, Asset):
         add_skeleton(document, asset.skeleton, binary)
         add_morphs(document.meshes[0], asset, binary)
         document.animations = animations(asset, binary)
     if isinstance(asset, TexturedAsset):
-        add_textures(document, asset, picture_uris, binary)
+        add_textures(document, asset, encoding, picture_uris, binary)
     document.accessors, document.bufferViews = binary.accessors, binary.views
     document.buffers = [gltf.Buffer(byteLength=len(binary.data))]
     return document, bytes(binary.data)
@@ -79,7 +89,11 @@ def add_morphs(mesh: gltf.Mesh, asset: Asset, binary: Binary) -> None:
 
 
 def add_textures(
-    document: gltf.GLTF2, asset: TexturedAsset, picture_uris: Sequence[str], binary: Binary
+    document: gltf.GLTF2,
+    asset: TexturedAsset,
+    encoding: Encoding,
+    picture_uris: Sequence[str],
+    binary: Binary,
 ) -> None:
     """The pictures that the material reads: the base colour and, where there is one, the normal map."""
     document.samplers = [texture_sampler()]
@@ -88,9 +102,25 @@ def add_textures(
         if picture_uris:
             image.uri = picture_uris[index]
         else:
-            image.mimeType, image.bufferView = gltf.IMAGEPNG, binary.add_bytes(encode_png(pixels))
+            image.bufferView = binary.add_bytes(encoding.picture(name, pixels))
+            image.mimeType = encoding.mime_type
         document.images.append(image)
-        document.textures.append(gltf.Texture(sampler=0, source=index))
+        document.textures.append(picture_texture(document, index, encoding))
+
+
+def picture_texture(document: gltf.GLTF2, index: int, encoding: Encoding) -> gltf.Texture:
+    """A texture that shows an image. WebP is an extension, and without a second picture one that readers
+    must have."""
+    if encoding.pictures != "webp":
+        return gltf.Texture(sampler=0, source=index)
+    require_extension(document, WEBP)
+    return gltf.Texture(sampler=0, extensions={WEBP: {"source": index}})
+
+
+def require_extension(document: gltf.GLTF2, name: str) -> None:
+    """Note that the file cannot be read without an extension."""
+    document.extensionsUsed = sorted({*(document.extensionsUsed or []), name})
+    document.extensionsRequired = sorted({*(document.extensionsRequired or []), name})
 
 
 def pictures(asset: TexturedAsset) -> dict[str, UInt8[np.ndarray, "S S 3"]]:
@@ -99,23 +129,54 @@ def pictures(asset: TexturedAsset) -> dict[str, UInt8[np.ndarray, "S S 3"]]:
     return found if asset.normal_map is None else found | {"normal": asset.normal_map.texels}
 
 
-def mesh_primitive(asset: PlainAsset, binary: Binary) -> gltf.Primitive:
+def picture_files(asset: TexturedAsset, names: Sequence[str], encoding: Encoding) -> tuple[File, ...]:
+    """The asset's pictures as files of these names, of which there may be more than pictures."""
+    found = zip(names, pictures(asset).items(), strict=False)
+    return tuple(File(file, encoding.picture(name, pixels)) for file, (name, pixels) in found)
+
+
+def mesh_primitive(asset: PlainAsset, binary: Binary, encoding: Encoding) -> gltf.Primitive:
     index_type = np.uint16 if len(asset.vertices) <= 65535 else np.uint32  # 65535 itself is reserved
-    attributes = gltf.Attributes(
-        POSITION=binary.add_array(asset.vertices.astype(np.float32), gltf.ARRAY_BUFFER, bounds=True),
-        NORMAL=binary.add_array(unit(asset.normals), gltf.ARRAY_BUFFER),
-    )
-    if isinstance(asset, TexturedAsset):
-        if asset.normal_map is not None:
-            attributes.TANGENT = binary.add_array(asset.normal_map.tangents, gltf.ARRAY_BUFFER)
-        attributes.TEXCOORD_0 = binary.add_array(asset.uv.astype(np.float32), gltf.ARRAY_BUFFER)
-    if isinstance(asset, Asset):
-        joint_type = np.uint8 if len(asset.skeleton.parents) <= 256 else np.uint16
-        joints = np.where(asset.weights > 0, asset.joints, 0).astype(joint_type)
-        attributes.JOINTS_0 = binary.add_array(joints, gltf.ARRAY_BUFFER)
-        attributes.WEIGHTS_0 = binary.add_array(exact_weights(asset.weights), gltf.ARRAY_BUFFER)
+    attributes = gltf.Attributes()
+    for name, values in (whole_numbers if encoding.quantize else real_numbers)(asset).items():
+        fractions = values.dtype.kind != "f" and name != "JOINTS_0"
+        accessor = binary.add_array(values, gltf.ARRAY_BUFFER, name == "POSITION", normalized=fractions)
+        setattr(attributes, name, accessor)
     indices = binary.add_array(asset.faces.astype(index_type).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
     return gltf.Primitive(attributes=attributes, indices=indices, material=0, mode=gltf.TRIANGLES)
+
+
+def real_numbers(asset: PlainAsset) -> dict[str, Shaped[np.ndarray, "W C"]]:
+    """What each vertex has, by glTF's names."""
+    found = {"POSITION": asset.vertices.astype(np.float32), "NORMAL": unit(asset.normals)}
+    if isinstance(asset, TexturedAsset):
+        if asset.normal_map is not None:
+            found["TANGENT"] = asset.normal_map.tangents
+        found["TEXCOORD_0"] = asset.uv.astype(np.float32)
+    if isinstance(asset, Asset):
+        joint_type = np.uint8 if len(asset.skeleton.parents) <= 256 else np.uint16
+        found["JOINTS_0"] = np.where(asset.weights > 0, asset.joints, 0).astype(joint_type)
+        found["WEIGHTS_0"] = exact_weights(asset.weights)
+    return found
+
+
+def whole_numbers(asset: PlainAsset) -> dict[str, Shaped[np.ndarray, "W C"]]:
+    """The same, rounded; a weight that becomes nothing names joint 0.
+
+    Places of a skinned mesh stay as they are: the matrix that turns steps into metres would belong into the
+    joints' binds, where Blender takes it for the bones' own size.
+    """
+    ways = {"NORMAL": directions, "TANGENT": directions, "TEXCOORD_0": shares}
+    if not isinstance(asset, Asset):
+        ways["POSITION"] = cube_around(asset.vertices).places
+    found = real_numbers(asset)
+    found |= {name: ways[name](values) for name, values in found.items() if name in ways}
+    if "WEIGHTS_0" in found:
+        found["WEIGHTS_0"] = whole_weights(found["WEIGHTS_0"])
+        found["JOINTS_0"] = np.where(found["WEIGHTS_0"] > 0, found["JOINTS_0"], 0).astype(
+            found["JOINTS_0"].dtype
+        )
+    return found
 
 
 def unit(normals: Shaped[np.ndarray, "W 3"]) -> Float32[np.ndarray, "W 3"]:

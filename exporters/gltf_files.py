@@ -6,17 +6,16 @@ import pygltflib as gltf
 
 from assets.asset import PlainAsset, TexturedAsset
 from exporters import glb
+from exporters.encoding import Encoding
 from exporters.file import File
-from exporters.png import encode_png
 
 
-def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
+def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
     """The same document as in a .glb; it names the files beside it by relative addresses."""
     name, buffer_name, *picture_names = names
-    document, data = glb.describe(asset, [quote(picture) for picture in picture_names])
+    document, data = glb.describe(asset, encoding, [quote(picture) for picture in picture_names])
     document.buffers = [gltf.Buffer(uri=quote(buffer_name), byteLength=len(data))]
     files = (File(name, document.to_json(indent=1).encode()), File(buffer_name, data))
     if isinstance(asset, TexturedAsset):
-        pictures = zip(picture_names, glb.pictures(asset).values(), strict=False)  # not all have each
-        return (*files, *(File(picture, encode_png(pixels)) for picture, pixels in pictures))
+        return (*files, *glb.picture_files(asset, picture_names, encoding))
     return files

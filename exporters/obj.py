@@ -12,15 +12,15 @@ from jaxtyping import Float32, Int64
 
 from assets.asset import AssetInfo, PlainAsset, TexturedAsset
 from avatargen.errors import InputError
+from exporters.encoding import Encoding
 from exporters.file import File
-from exporters.glb import pictures
-from exporters.png import encode_png
+from exporters.glb import picture_files
 from exporters.weld import weld
 
 UNNAMEABLE = re.compile(r"[\x00-\x1f#]|^\s|\s$")  # a line's end, a comment's begin
 
 
-def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
+def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
     """The mesh, and for a textured asset its material and texture.
 
     Raises:
@@ -41,11 +41,11 @@ def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
     corners = faces(np.stack([mesh.faces, asset.faces], axis=-1) + 1, "{0}/{1}/{0}")
     head += f"mtllib {material_name}\no avatar\n"
     text = "".join([head, places, uv, normals, "usemtl avatar\n", corners])
-    found = list(zip(picture_names, pictures(asset).values(), strict=False))  # not all have each
+    files = picture_files(asset, picture_names, encoding)
     return (
         File(name, text.encode()),
-        File(material_name, material([picture for picture, _ in found]).encode()),
-        *(File(picture, encode_png(pixels)) for picture, pixels in found),
+        File(material_name, material([file.name for file in files]).encode()),
+        *files,
     )
 
 

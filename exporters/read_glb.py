@@ -22,7 +22,9 @@ from assets.posed import world_turns
 from assets.rig import Skeleton
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
+from exporters.glb import WEBP
 
+READABLE = {WEBP}
 MOST_BYTES = 1 << 29
 MOST_TEXELS = 8192  # along a side
 MOST_JOINTS = 1000
@@ -110,8 +112,8 @@ def parse(data: bytes) -> Document:
     if kind != JSON_CHUNK or 20 + size > len(data):
         raise ValueError("its description is cut off")
     description = json.loads(data[20 : 20 + size])
-    if needed := description.get("extensionsRequired"):
-        raise ValueError(f"it needs {', '.join(map(str, needed))}")
+    if needed := set(map(str, description.get("extensionsRequired", ()))) - READABLE:
+        raise ValueError(f"it needs {', '.join(sorted(needed))}")
     buffer = b""
     if 20 + size < len(data):
         length, kind = struct.unpack_from("<II", data, 20 + size)
@@ -201,7 +203,8 @@ def ancestry(node: int, parent_of: dict[int, int]) -> list[int]:
 def read_picture(document: Document, texture_info: Any) -> UInt8[np.ndarray, "S S 3"]:
     """The picture that a material's texture shows."""
     texture = item(document.description["textures"], texture_info["index"])
-    source = item(document.description["images"], texture["source"])
+    webp = texture.get("extensions", {}).get(WEBP, {})
+    source = item(document.description["images"], webp["source"] if webp else texture["source"])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # a picture of a size to fill the memory

@@ -24,33 +24,34 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 from assets.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
 from assets.rig import Skeleton
 from avatargen.errors import InputError
+from exporters.encoding import SUFFIXES, Encoding
 from exporters.file import File
-from exporters.glb import ROUGHNESS, exact_weights, pictures, unit
+from exporters.glb import ROUGHNESS, exact_weights, picture_files, unit
 from exporters.package import pack
-from exporters.png import encode_png
 from exporters.usd_motion import add_animations, add_morphs
 
 ROOT = "/avatar"
-PACKAGED = ("base_color.png", "normal.png")  # names in a .usdz
+PACKAGED = ("base_color", "normal")  # names in a .usdz
 UNNAMEABLE = re.compile(r"[\x00-\x1f\[\]<>]")  # in a path inside USD these mean packages and tiles
 
 
-def encode(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
+def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
     """NAME.usda or NAME.usdc and its pictures, or NAME.usdz, which holds all.
 
     Raises:
         InputError: a picture's name cannot stand inside a USD file.
     """
     name, suffix = names[0], Path(names[0]).suffix.lower()
-    picture_names = PACKAGED if suffix == ".usdz" else names[1:]
+    picture_names = names[1:]
+    if suffix == ".usdz":
+        picture_names = tuple(f"{picture}{SUFFIXES[encoding.pictures]}" for picture in PACKAGED)
     if any(UNNAMEABLE.search(picture) for picture in picture_names):
         raise InputError(
             f"export: {name!r} holds a character that USD cannot keep in a path; use letters and digits"
         )
     stage, files = make_stage(asset), ()
     if isinstance(asset, TexturedAsset):
-        found = zip(picture_names, pictures(asset).values(), strict=False)  # not all have each
-        files = tuple(File(picture, encode_png(pixels)) for picture, pixels in found)
+        files = picture_files(asset, picture_names, encoding)
         add_material(stage, [f"{'' if suffix == '.usdz' else './'}{file.name}" for file in files])
     if suffix == ".usdz":
         return (File(name, pack((File("avatar.usdc", stage_bytes(stage, ".usdc")), *files))),)

@@ -13,6 +13,7 @@ from assets.names import NAME_PRESETS, VRM_HUMAN_BONES
 from assets.rig import Skeleton
 from avatargen.errors import InputError
 from exporters import glb
+from exporters.encoding import PLAIN, Encoding
 
 REST_POSE = "t"
 LICENCE_URL = "https://vrm.dev/licenses/1.0/"
@@ -27,7 +28,7 @@ LARGEST_TURN = 0.1  # radians a joint may be off the T-pose
 LARGEST_GAP = 0.02  # metres between the soles and the ground
 
 
-def encode(asset: PlainAsset) -> bytes:
+def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
     """The bytes of a .vrm file.
 
     Raises:
@@ -40,7 +41,7 @@ def encode(asset: PlainAsset) -> bytes:
     gap = float(asset.vertices[:, 1].min())
     if abs(gap) > LARGEST_GAP:
         raise InputError(f"vrm: the soles are at y = {gap:.2f} m, wanted 0; build with on_ground=True")
-    document, data = glb.describe(replace(asset, animations=()))
+    document, data = glb.describe(replace(asset, animations=()), encoding)
     (mesh_node,) = (i for i, node in enumerate(document.nodes) if node.mesh is not None)
     document.extensionsUsed = ["VRMC_vrm"]
     document.extensions = {

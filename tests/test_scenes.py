@@ -157,6 +157,8 @@ def test_a_dry_run_says_the_plan_and_writes_nothing(tmp_path, monkeypatch, capsy
         (["--scene", "still", "--clip", "walk"], "skeleton"),
         (["--format", "ply", "--normal-map", "64"], "holds none"),
         (["--normal-map", "4"], "texture of 4"),
+        (["--format", "vrm", "--texture-format", "webp"], "no webp"),
+        (["--format", "usdz", "--compress", "quantize"], "rounded"),
         (["--seeds", "1:3", "--out", "many", "--budget", "9s"], "one seed"),
     ],
 )

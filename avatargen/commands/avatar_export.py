@@ -6,21 +6,28 @@ Only what `--help` and bad arguments need is imported here; `export_run` brings 
 import argparse
 import sys
 from argparse import ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from avatargen import __version__
 from avatargen.atomic import check_writable
-from avatargen.commands.line import OneLineParser, positive_number, run_command, whole_number
+from avatargen.commands.line import (
+    LARGEST_SEED,
+    OneLineParser,
+    positive_number,
+    quantity,
+    run_command,
+    seed_range,
+    whole_number,
+)
 from avatargen.commands.progress import progress_line
 from avatargen.commands.scenes import DEFAULT, SCENES
 from avatargen.errors import InputError
 
 PROGRAM = "avatar-export"
-LARGEST_SEED = 2**63 - 1
-MOST_SEEDS = 1_000_000
 # what `exporters` writes, which takes seconds to ask
 FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
+PICTURES = ("png", "jpeg", "webp")
 DESCRIPTION = """\
 Make one clothed, textured, rigged human from a seed and write it to a file.
 
@@ -132,6 +139,18 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         type=whole_number(0, 8192),
         metavar="N",
         help="width and height of a normal map of the finest folds, 0 for none (default: by --scene)",
+    )
+    shape.add_argument(
+        "--texture-format",
+        choices=PICTURES,
+        default="png",
+        help="how pictures are stored: png (default), jpeg, or webp (glb and gltf alone)",
+    )
+    shape.add_argument(
+        "--compress",
+        choices=("none", "quantize"),
+        default="none",
+        help="quantize: round the mesh's numbers to 8 and 16 bits (glb and gltf alone; default: none)",
     )
     shape.add_argument(
         "--resolution",
@@ -263,37 +282,12 @@ def check_sources(given: Namespace) -> None:
             raise InputError(f"found no file {source}; check the path")
 
 
-def seed_range(text: str) -> tuple[int, int]:
-    """An argument type: A:B, both plain decimal numbers, A < B."""
-    parts = text.split(":")
-    plain = len(parts) == 2 and all(part.isascii() and part.isdigit() and len(part) < 20 for part in parts)
-    first, end = (int(part) for part in parts) if plain else (0, 0)
-    if not first < end <= LARGEST_SEED or end - first > MOST_SEEDS:
-        raise ArgumentTypeError(f"found {text!r}, wanted A:B with A < B, at most {MOST_SEEDS} seeds apart")
-    return first, end
-
-
 def format_name(text: str) -> str:
     """An argument type: a suffix, with or without its dot, in any case."""
     name = text.removeprefix(".").lower()
     if name not in FORMATS:
         raise ArgumentTypeError(f"found {text!r}, wanted one of {', '.join(FORMATS)}")
     return name
-
-
-def quantity(unit: str) -> Callable[[str], float]:
-    """An argument type: a positive number, with or without its unit."""
-
-    def read(text: str) -> float:
-        try:
-            value = float(text.strip().removesuffix(unit))
-        except ValueError:
-            value = 0.0
-        if not 0 < value < 1e6:
-            raise ArgumentTypeError(f"found {text!r}, wanted a positive number such as 0.5{unit}")
-        return value
-
-    return read
 
 
 def output_path(given: Namespace) -> Path:

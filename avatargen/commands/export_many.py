@@ -27,9 +27,16 @@ from avatargen.commands.scenes import SCENES
 from avatargen.errors import AvatarGenError, InputError
 
 SETTINGS = (
+    "scene",
+    "content",
     "faces",
     "texture",
+    "normal_map",
+    "texture_format",
+    "compress",
     "resolution",
+    "tolerance",
+    "joints",
     "pose",
     "names",
     "morphs",

@@ -30,6 +30,7 @@ from avatargen.commands.scenes import SCENES
 from avatargen.errors import InputError
 from avatargen.motion.motion import Motion
 from exporters import Format, encode, files_of, find_format
+from exporters.encoding import Encoding
 from exporters.png import encode_png
 
 STARTED = time.perf_counter()
@@ -94,7 +95,8 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     Raises:
         AvatarGenError: an argument, file or field is bad; then nothing is written.
     """
-    for beside in files_of(path)[1:]:
+    encoding = encoding_of(given)
+    for beside in files_of(path, encoding)[1:]:
         check_writable(beside)
     wanted = find_format(path)
     if given.dry_run:
@@ -104,7 +106,7 @@ def run(given: Namespace, path: Path, show: Show) -> str:
         workshop = open_workshop(given, wanted)
     made = make_avatar(workshop, given.seed, clock)
     with clock.stage("encode"):
-        files = encode(made.asset, path)
+        files = encode(made.asset, path, encoding)
     size = sum(len(data) for _, data in files)
     if given.preview is not None:
         with clock.stage("preview"):
@@ -124,6 +126,11 @@ def run(given: Namespace, path: Path, show: Show) -> str:
         + (f", in the {wanted.rest_pose.upper()}-pose that {path.suffix} wants" if wanted.rest_pose else "")
     )
     return "\n".join([*tell_of_bad_frames(made.motions), closing])
+
+
+def encoding_of(given: Namespace) -> Encoding:
+    """How compact the files are to be."""
+    return Encoding(pictures=given.texture_format, quantize=given.compress == "quantize")
 
 
 def open_workshop(given: Namespace, wanted: Format) -> Workshop:
@@ -263,6 +270,8 @@ def make_report(
             "texture": config.texture,
             "normal_map": config.normal_map,
             "content": config.content,
+            "texture_format": given.texture_format,
+            "compress": given.compress,
             "pose": pose if isinstance(pose, str) else str(given.pose),
             "body": str(given.body) if given.body else "default",
             "weights": str(given.weights) if given.weights else "default",

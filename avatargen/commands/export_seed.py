@@ -6,11 +6,12 @@ import warnings
 from argparse import Namespace
 
 from avatargen.atomic import write_together
-from avatargen.commands.export_run import Clock, make_avatar, open_workshop
+from avatargen.commands.export_run import Clock, encoding_of, make_avatar, open_workshop
 from avatargen.commands.manifest import Row
 from avatargen.commands.scenes import SCENES
 from avatargen.errors import AvatarGenError
 from exporters import encode, find_format
+from exporters.export import require_encoding
 
 
 class SeedExporter:
@@ -22,6 +23,7 @@ class SeedExporter:
     def __init__(self, given: Namespace) -> None:
         warnings.simplefilter("ignore")
         self.given, self.format = given, given.format or SCENES[given.scene].format
+        require_encoding(f"avatar.{self.format}", encoding_of(given))
         self.workshop = open_workshop(given, find_format(f"avatar.{self.format}"))
 
     def export(self, seed: int) -> Row:
@@ -30,7 +32,7 @@ class SeedExporter:
         path = self.given.out / f"avatar_{seed}.{self.format}"
         try:
             made = make_avatar(self.workshop, seed, Clock(lambda doing, share: None))
-            files = encode(made.asset, path)
+            files = encode(made.asset, path, encoding_of(self.given))
             write_together(files)
         except (AvatarGenError, MemoryError) as error:
             reason = str(error) or type(error).__name__

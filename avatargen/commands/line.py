@@ -14,6 +14,9 @@ from typing import NoReturn
 
 from avatargen.errors import AvatarGenError, InputError
 
+LARGEST_SEED = 2**63 - 1
+MOST_SEEDS = 1_000_000
+
 
 class OneLineParser(argparse.ArgumentParser):
     """An argument parser whose complaints are one line, not a page of usage."""
@@ -94,3 +97,30 @@ def whole_number(low: int, high: int) -> Callable[[str], int]:
         return int(text)
 
     return parse
+
+
+def seed_range(text: str) -> tuple[int, int]:
+    """An argument type: A:B, both plain decimal numbers, A < B."""
+    parts = text.split(":")
+    plain = len(parts) == 2 and all(part.isascii() and part.isdigit() and len(part) < 20 for part in parts)
+    first, end = (int(part) for part in parts) if plain else (0, 0)
+    if not first < end <= LARGEST_SEED or end - first > MOST_SEEDS:
+        raise argparse.ArgumentTypeError(
+            f"found {text!r}, wanted A:B with A < B, at most {MOST_SEEDS} seeds apart"
+        )
+    return first, end
+
+
+def quantity(unit: str) -> Callable[[str], float]:
+    """An argument type: a positive number, with or without its unit."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text.strip().removesuffix(unit))
+        except ValueError:
+            value = 0.0
+        if not 0 < value < 1e6:
+            raise argparse.ArgumentTypeError(f"found {text!r}, wanted a positive number such as 0.5{unit}")
+        return value
+
+    return read

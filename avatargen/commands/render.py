@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from avatargen.atomic import check_writable
-from avatargen.commands.line import OneLineParser, run_command, whole_number
+from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
 from avatargen.errors import InputError
 
 if TYPE_CHECKING:
     from assets.asset import PlainAsset
 
 PROGRAM = "avatargen render"
-LARGEST_SEED = 2**63 - 1
 RESTS = ("a", "t", "x")
 EXAMPLES = """\
 examples:
