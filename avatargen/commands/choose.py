@@ -52,7 +52,7 @@ class Curves:
                     resolution=row["resolution"],
                     faces=row["faces"],
                     seconds=self.scale * total,
-                    p99_mm=row["p99_mm"],
+                    p99_mm=float(row["p99_mm"]),
                 )
             )
         return sorted(found, key=lambda choice: choice.seconds)
@@ -73,14 +73,14 @@ class Curves:
         return float(np.interp(size**2, texels, [value(row) for row in self.textures]))
 
     def stage_seconds(self, stage: str, resolution: int, faces: int, texture: int) -> float:
-        """What a stage takes at the measured settings nearest to these."""
+        """What a stage takes at the measured settings nearest to these; 0 where it was not measured."""
         if stage in ("bake", "encode"):
             return self.scale * self.texture_cost(texture, lambda row: row["seconds"][stage])
         nearest = min(
             self.surfaces,
             key=lambda row: abs(np.log(row["resolution"] / resolution)) + abs(np.log(row["faces"] / faces)),
         )
-        return self.scale * nearest["seconds"][stage]
+        return self.scale * nearest["seconds"].get(stage, 0.0)
 
 
 def load_curves(path: Path, avatar: Any) -> Curves:
@@ -91,12 +91,32 @@ def load_curves(path: Path, avatar: Any) -> Curves:
     """
     try:
         data = json.loads(path.read_text())
+        check_curves(data)
         scale = 1.0 if avatar is None else measure_speed(avatar) / data["field_us"]
         return Curves(surfaces=tuple(data["surfaces"]), textures=tuple(data["textures"]), scale=scale)
-    except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise InputError(
-            f"found no measured curves in {path} ({error}); write them with avatargen bench"
+            f"found no measured curves in {path} ({str(error)[:200]}); write them with avatargen bench"
         ) from error
+
+
+def check_curves(data: Any) -> None:
+    """Raises ValueError, KeyError, TypeError or AttributeError where what will be asked for is no number."""
+    for row in data["surfaces"]:
+        require_positive(row["p99_mm"], *row["seconds"].values())
+        require_positive(row["resolution"], row["faces"], whole=True)
+    for row in data["textures"]:
+        require_positive(row["seconds"]["bake"], row["seconds"]["encode"], *row["seconds"].values())
+        require_positive(row["size"], row["bytes"], whole=True)
+    if not data["surfaces"] or not data["textures"]:
+        raise ValueError("it holds no rows")
+    require_positive(data["field_us"])
+
+
+def require_positive(*values: Any, whole: bool = False) -> None:
+    for value in values:
+        if type(value) not in ((int,) if whole else (int, float)) or not 0 < value < 1e12:
+            raise ValueError(f"{str(value)[:50]} is no measured number")
 
 
 def measure_speed(avatar: Any) -> float:

@@ -99,7 +99,9 @@ def claim(out: Path, config: SynthConfig) -> None:
         else:
             found = settings
             write_atomically(out / SETTINGS_FILE, json.dumps(settings).encode())
-    except (OSError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"data synth: cannot use {out} ({error}); name another folder") from error
     if found != settings:
         raise InputError(
