@@ -71,8 +71,9 @@ def stage_bytes(stage: Usd.Stage, suffix: str) -> bytes:
             return path.read_bytes()
         except (Tf.ErrorException, OSError) as error:
             reason = str(error).strip().splitlines()[-1].strip()
+            place = tempfile.gettempdir()
             raise InputError(
-                f"cannot write {suffix} by way of {tempfile.gettempdir()} ({reason}); make room there, or set TMPDIR"
+                f"cannot write {suffix} by way of {place} ({reason}); make room there, or set TMPDIR"
             ) from error
 
 
