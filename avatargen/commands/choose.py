@@ -103,19 +103,22 @@ def load_curves(path: Path, avatar: Any) -> Curves:
 def check_curves(data: Any) -> None:
     """Raises ValueError, KeyError, TypeError or AttributeError where what will be asked for is no number."""
     for row in data["surfaces"]:
-        require_positive(row["p99_mm"], *row["seconds"].values())
-        require_positive(row["resolution"], row["faces"], whole=True)
+        require_numbers(row["p99_mm"], *row["seconds"].values())
+        require_numbers(row["resolution"], row["faces"], whole=True)
     for row in data["textures"]:
-        require_positive(row["seconds"]["bake"], row["seconds"]["encode"], *row["seconds"].values())
-        require_positive(row["size"], row["bytes"], whole=True)
+        require_numbers(row["seconds"]["bake"], row["seconds"]["encode"], *row["seconds"].values())
+        require_numbers(row["size"], row["bytes"], whole=True)
     if not data["surfaces"] or not data["textures"]:
         raise ValueError("it holds no rows")
-    require_positive(data["field_us"])
+    require_numbers(data["field_us"])
+    if not data["field_us"] > 0:
+        raise ValueError("the field took no time")
 
 
-def require_positive(*values: Any, whole: bool = False) -> None:
+def require_numbers(*values: Any, whole: bool = False) -> None:
+    """Raises ValueError unless all can be measured: sizes above 0 where they are whole, else 0 or more."""
     for value in values:
-        if type(value) not in ((int,) if whole else (int, float)) or not 0 < value < 1e12:
+        if type(value) not in ((int,) if whole else (int, float)) or not whole <= value < 1e12:
             raise ValueError(f"{str(value)[:50]} is no measured number")
 
 

@@ -4,6 +4,7 @@ Every node needs this project at the same version, and the files and the folder 
 paths. A worker that dies costs the seed it was at; another takes its place.
 """
 
+import logging
 import sys
 import time
 from argparse import Namespace
@@ -85,7 +86,7 @@ def connect(address: str) -> Any:
     except ImportError as error:
         raise InputError("found --ray, but Ray is not installed; install avatargen[ray]") from error
     try:
-        ray.init(address=address, log_to_driver=False, logging_level="ERROR")
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError, TimeoutError) as error:
         reason = str(error).strip().splitlines()[0][:200] if str(error).strip() else type(error).__name__
         raise InputError(
@@ -115,7 +116,7 @@ def start(ray: Any, given: Namespace) -> Any:
 def with_whole_paths(given: Namespace) -> Namespace:
     """The options with paths that mean the same in any folder."""
     words = vars(given) | {"motion": [path.resolve() for path in given.motion]}
-    words |= {name: path.resolve() for name in FILES if (path := words[name]) is not None}
+    words |= {name: Path(words[name]).resolve() for name in FILES if words[name] is not None}
     if given.pose is not None and Path(given.pose).is_file():
         words["pose"] = str(Path(given.pose).resolve())
     return Namespace(**words)
