@@ -115,7 +115,7 @@ def start(ray: Any, given: Namespace) -> Any:
 
 def with_whole_paths(given: Namespace) -> Namespace:
     """The options with paths that mean the same in any folder."""
-    words = vars(given) | {"motion": [path.resolve() for path in given.motion]}
+    words: dict[str, Any] = vars(given) | {"motion": [path.resolve() for path in given.motion]}
     words |= {name: Path(words[name]).resolve() for name in FILES if words[name] is not None}
     if given.pose is not None and Path(given.pose).is_file():
         words["pose"] = str(Path(given.pose).resolve())
