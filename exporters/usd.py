@@ -59,14 +59,25 @@ def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tup
 
 
 def stage_bytes(stage: Usd.Stage, suffix: str) -> bytes:
-    """The stage as text (.usda) or in USD's binary form (.usdc), which its library writes to files alone."""
+    """The stage as text (.usda) or in USD's binary form (.usdc), which its library writes to files alone.
+
+    Raises:
+        InputError: there is no room for that file in the system's folder for such files.
+    """
     layer = stage.GetRootLayer()
     if suffix == ".usda":
         return layer.ExportToString().encode()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "avatar.usdc"
-        layer.Export(str(path))
-        return path.read_bytes()
+        try:
+            layer.Export(str(path))
+            return path.read_bytes()
+        except (Tf.ErrorException, OSError) as error:
+            reason = str(error).strip().splitlines()[-1].strip()
+            place = tempfile.gettempdir()
+            raise InputError(
+                f"cannot write {suffix} by way of {place} ({reason}); make room there, or set TMPDIR"
+            ) from error
 
 
 def make_stage(asset: PlainAsset) -> Usd.Stage:

@@ -1,7 +1,11 @@
 """What holds for every format: one table, whole files or none, the same bytes for the same asset."""
 
+import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
@@ -9,10 +13,13 @@ import numpy as np
 import pytest
 
 from assets.asset import PlainAsset, TexturedAsset
+from avatargen.atomic import write_together
 from avatargen.errors import InputError
 from exporters import FORMATS, encode, export, files_of
 from exporters.check_usd import check_usd
 from tests.figure import figure
+from tests.mutate import fast_folder
+from tests.test_atomic import small_files_only
 from tests.test_avatar_export import outside
 from tests.verdicts import khronos_issues
 
@@ -91,38 +98,89 @@ def test_lesser_assets_make_lesser_files(tmp_path: Path, name: str, kind: type[P
         assert check_usd(tmp_path / name) == []
 
 
+KILLS = 100
 KILLER = """
 import os, signal, sys, time
 from pathlib import Path
 import numpy as np
+from avatargen.atomic import PART_SUFFIX, write_together
 from exporters import encode, export, files_of
 from tests.figure import figure
 assets = [figure(size=128), figure(size=96)]
-random = np.random.default_rng(0)
-for path in map(Path, sys.argv[1:]):
-    whole = [dict(encode(asset, path)) for asset in assets]
-    for moment in random.uniform(0.0, 0.08, 6):
+random, cut_short = np.random.default_rng(0), 0
+for path in map(Path, sys.argv[2:]):
+    export(assets[0], path)
+    # what `export` writes, made once: so most moments are those of a write
+    versions = [encode(asset, path) for asset in assets]
+    for moment in random.uniform(0.0, 0.006, int(sys.argv[1])):
+        heard, told = os.pipe()
         child = os.fork()
         while child == 0:
-            for asset in assets:
-                export(asset, path)
-        while not path.exists():  # the first of them writes at least once
-            time.sleep(0.001)
+            for files in versions:
+                os.write(told, b"x")
+                write_together(files)
+        os.close(told)
+        os.read(heard, 1)
+        os.close(heard)
         time.sleep(moment)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         for file in files_of(path):
-            assert file.read_bytes() in [files[file] for files in whole], f"{file} is torn"
+            assert file.read_bytes() in [dict(files)[file] for files in versions], f"{file} is torn"
+        cut_short += any(file.suffix == PART_SUFFIX for file in path.parent.iterdir())
     export(assets[0], path)
     assert sorted(path.parent.iterdir()) == sorted(files_of(path)), "leftovers were not swept"
+print(cut_short)
 """
 
 
-def test_killed_at_random_moments_no_file_is_torn(tmp_path: Path) -> None:
+def test_killed_at_random_moments_no_file_is_torn() -> None:
     """Every file is one of the two that were being written, whole; leftovers are swept by the next write."""
-    paths = [tmp_path / name.replace(".", "_") / name for name in NAMES]
-    for path in paths:
-        path.parent.mkdir()
-    command = [sys.executable, "-c", KILLER, *map(str, paths)]
-    run = subprocess.run(command, env=outside(), capture_output=True, text=True, timeout=300)
+    with fast_folder() as folder:
+        paths = [folder / name.replace(".", "_") / name for name in NAMES]
+        for path in paths:
+            path.parent.mkdir()
+        command = [sys.executable, "-c", KILLER, str(KILLS), *map(str, paths)]
+        run = subprocess.run(command, env=outside(), capture_output=True, text=True, timeout=600)
     assert run.returncode == 0, run.stderr
+    assert int(run.stdout) > len(NAMES)  # many kills met a write half done
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_full_disk_leaves_the_old_files(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    export(figure(), path)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    asset = figure(size=96)
+    with (
+        pytest.raises(InputError, match=r"cannot write .*(File too large|TMPDIR)"),
+        small_files_only(),
+    ):
+        export(asset, path)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_read_only_folder_leaves_the_old_files(name: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        export(figure(), path)
+        before = {file: file.read_bytes() for file in files_of(path)}
+        files = encode(figure(size=96), path)
+        Path(folder).chmod(0o555)
+        with pytest.raises(InputError, match=r"cannot write .*Permission denied"), as_nobody():
+            write_together(files)
+        assert {file: file.read_bytes() for file in Path(folder).iterdir()} == before
+        Path(folder).chmod(0o755)
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    """As a user whom permissions stop: root passes them all."""
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(user)

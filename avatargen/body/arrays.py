@@ -11,7 +11,9 @@ from numpy.lib import format as npy
 
 from avatargen.errors import InputError
 
-MAX_FILE_BYTES = 1 << 30  # of all members read; SMPL-X with 400 shapes in float64 takes 0.25 GB
+MAX_FILE_BYTES = 1 << 28  # of all members read; SMPL-X with 400 shapes in float64 takes 0.23 GB
+MAX_NUMBERS = MAX_FILE_BYTES // 8  # of all members: readers make them float64, whatever the file holds
+READ_BYTES = 1 << 20  # at a time, so that unpacking takes no more memory than the array
 MAX_HEADER_BYTES = 4096
 MAX_MEMBERS = 1000
 KINDS = "fiuU"  # floats, integers, text; never objects
@@ -39,7 +41,7 @@ def read_npz(path: Path, keys: tuple[str, ...], what: str) -> dict[str, np.ndarr
                 raise InputError(
                     f"{what}: {path} says it holds {total:.3g} bytes; at most {MAX_FILE_BYTES:.3g} are read"
                 )
-            return {key: read_member(archive, info, what) for key, info in wanted.items()}
+            arrays = {key: read_member(archive, info, what) for key, info in wanted.items()}
     except OSError as error:
         raise InputError(f"{what}: cannot read {path}: {error.strerror or error}; check the path") from error
     except (
@@ -53,6 +55,9 @@ def read_npz(path: Path, keys: tuple[str, ...], what: str) -> dict[str, np.ndarr
         raise InputError(
             f"{what}: {path} is no whole .npz file ({error}); save it again with numpy.savez"
         ) from error
+    if (numbers := sum(array.size for array in arrays.values())) > MAX_NUMBERS:
+        raise InputError(f"{what}: {path} holds {numbers:.3g} numbers; at most {MAX_NUMBERS:.3g} are read")
+    return arrays
 
 
 def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, what: str) -> np.ndarray:
@@ -60,7 +65,7 @@ def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, what: str) -> n
     with archive.open(info) as stream:
         head = io.BytesIO(stream.read(MAX_HEADER_BYTES + 12))
         shape, fortran_order, dtype = read_header(head, f"{what}: {info.filename}")
-        if dtype.kind not in KINDS or dtype.hasobject:
+        if dtype.kind not in KINDS or dtype.hasobject or not dtype.itemsize:
             raise InputError(f"{what}: {info.filename} holds {dtype}; only numbers and text are read")
         count = 1
         for length in shape:
@@ -70,12 +75,15 @@ def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, what: str) -> n
             raise InputError(
                 f"{what}: {info.filename} says {dtype} {shape} but stores {stored} bytes; the file is damaged"
             )
-        data = head.read() + stream.read()
-    if len(data) != stored:
+        data, filled = np.empty(stored, dtype=np.uint8), 0
+        for part in iter(lambda: head.read() or stream.read(READ_BYTES), b""):
+            data[filled : filled + len(part)] = np.frombuffer(part, dtype=np.uint8)
+            filled += len(part)
+    if filled != stored:
         raise InputError(
-            f"{what}: {info.filename} ends after {len(data)} of {stored} bytes; the file is cut off"
+            f"{what}: {info.filename} ends after {filled} of {stored} bytes; the file is cut off"
         )
-    array = np.frombuffer(data, dtype=dtype, count=count)
+    array = data.view(dtype)
     return array.reshape(shape, order="F" if fortran_order else "C")
 
 

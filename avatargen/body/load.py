@@ -76,14 +76,14 @@ def body_from_arrays(arrays: dict[str, np.ndarray], path: Path) -> Body:
     V, J = weights.shape
     blends = numbers(arrays, "posedirs", (V, 3, 9 * (J - 1))) if "posedirs" in arrays else None
     return Body(
-        v_template=numbers(arrays, "v_template", (V, 3)).astype(np.float32),
+        v_template=as_type(numbers(arrays, "v_template", (V, 3)), np.float32),
         faces=whole_numbers(arrays, "faces" if "faces" in arrays else "f", (None, 3)),
         weights=(weights / sums).astype(np.float32),
         parents=read_parents(arrays, J),
         joint_names=read_joint_names(arrays, J),
-        J_regressor=numbers(arrays, "J_regressor", (J, V)).astype(np.float32),
-        shapedirs=numbers(arrays, "shapedirs", (V, 3, None)).astype(np.float32),
-        posedirs=None if blends is None else blends.astype(np.float32),
+        J_regressor=as_type(numbers(arrays, "J_regressor", (J, V)), np.float32),
+        shapedirs=as_type(numbers(arrays, "shapedirs", (V, 3, None)), np.float32),
+        posedirs=None if blends is None else as_type(blends, np.float32),
     )
 
 
@@ -93,7 +93,13 @@ def numbers(arrays: dict[str, np.ndarray], key: str, shape: tuple[int | None, ..
     if array.dtype.kind not in "fiu" or array.size == 0:
         raise InputError(f"body: {key} is {array.dtype} {array.shape}; numbers are needed")
     require_shape(key, array, shape)
-    return array.astype(np.float64)
+    return as_type(array, np.float64)
+
+
+def as_type(array: np.ndarray, kind: type) -> np.ndarray:
+    """The array in another type; what is NaN or too large for it comes out so, and `Body` refuses that."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return array.astype(kind)
 
 
 def whole_numbers(arrays: dict[str, np.ndarray], key: str, shape: tuple[int | None, ...]) -> np.ndarray:

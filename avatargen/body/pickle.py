@@ -22,7 +22,7 @@ from avatargen.errors import InputError
 
 KEYS = ("v_template", "f", "weights", "kintree_table", "J_regressor", "shapedirs", "posedirs")
 MAX_PICKLE_BYTES = 1 << 30
-MEMORY_LIMIT_BYTES = 4 << 30
+MEMORY_LIMIT_BYTES = 1 << 30  # SMPL-X with 400 shapes takes two thirds of it
 TIME_LIMIT_SECONDS = 120
 
 

@@ -73,6 +73,7 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         help="instead of one: seeds A to B - 1, into the folder --out; the same command resumes",
     )
     add("--jobs", type=whole_number(1, 1000), metavar="N", help="how many processes make them (1)")
+    add("--ray", metavar="ADDRESS", help="make them on this Ray cluster (auto, HOST:PORT or ray://HOST:PORT)")
     add(
         "--format",
         type=format_name,
@@ -235,8 +236,9 @@ def export_avatar(given: Namespace) -> None:
     if given.seeds is not None:
         export_folder(given)
         return
-    if given.jobs is not None:
-        raise InputError("found --jobs with one seed; give --seeds A:B, or leave it out")
+    if given.jobs is not None or given.ray is not None:
+        name = "--ray" if given.jobs is None else "--jobs"
+        raise InputError(f"found {name} with one seed; give --seeds A:B, or leave it out")
     path = output_path(given)
     if given.preview is not None and given.preview.suffix.lower() != ".png":
         raise InputError(f"found --preview {given.preview}; give a name that ends in .png")

@@ -56,7 +56,7 @@ class Curves:
                     resolution=row["resolution"],
                     faces=row["faces"],
                     seconds=self.scale * total + normals,
-                    p99_mm=row["p99_mm"],
+                    p99_mm=float(row["p99_mm"]),
                 )
             )
         return sorted(found, key=lambda choice: choice.seconds)
@@ -81,7 +81,7 @@ class Curves:
         return self.scale * 1e-6 * self.field_us * QUESTIONS * ASKED * size**2
 
     def stage_seconds(self, stage: str, resolution: int, faces: int, texture: int) -> float:
-        """What a stage takes at the measured settings nearest to these."""
+        """What a stage takes at the measured settings nearest to these; 0 where it was not measured."""
         if stage == "normals":
             return self.normal_seconds(texture)
         if stage in ("bake", "encode"):
@@ -90,7 +90,7 @@ class Curves:
             self.surfaces,
             key=lambda row: abs(np.log(row["resolution"] / resolution)) + abs(np.log(row["faces"] / faces)),
         )
-        return self.scale * nearest["seconds"][stage]
+        return self.scale * nearest["seconds"].get(stage, 0.0)
 
 
 def load_curves(path: Path, avatar: Any) -> Curves:
@@ -101,6 +101,7 @@ def load_curves(path: Path, avatar: Any) -> Curves:
     """
     try:
         data = json.loads(path.read_text())
+        check_curves(data)
         scale = 1.0 if avatar is None else measure_speed(avatar) / data["field_us"]
         return Curves(
             surfaces=tuple(data["surfaces"]),
@@ -108,10 +109,32 @@ def load_curves(path: Path, avatar: Any) -> Curves:
             field_us=float(data["field_us"]),
             scale=scale,
         )
-    except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise InputError(
-            f"found no measured curves in {path} ({error}); write them with avatargen bench"
+            f"found no measured curves in {path} ({str(error)[:200]}); write them with avatargen bench"
         ) from error
+
+
+def check_curves(data: Any) -> None:
+    """Raises ValueError, KeyError, TypeError or AttributeError where what will be asked for is no number."""
+    for row in data["surfaces"]:
+        require_numbers(row["p99_mm"], *row["seconds"].values())
+        require_numbers(row["resolution"], row["faces"], whole=True)
+    for row in data["textures"]:
+        require_numbers(row["seconds"]["bake"], row["seconds"]["encode"], *row["seconds"].values())
+        require_numbers(row["size"], row["bytes"], whole=True)
+    if not data["surfaces"] or not data["textures"]:
+        raise ValueError("it holds no rows")
+    require_numbers(data["field_us"])
+    if not data["field_us"] > 0:
+        raise ValueError("the field took no time")
+
+
+def require_numbers(*values: Any, whole: bool = False) -> None:
+    """Raises ValueError unless all can be measured: sizes above 0 where they are whole, else 0 or more."""
+    for value in values:
+        if type(value) not in ((int,) if whole else (int, float)) or not whole <= value < 1e12:
+            raise ValueError(f"{str(value)[:50]} is no measured number")
 
 
 def measure_speed(avatar: Any) -> float:

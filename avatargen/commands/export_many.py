@@ -20,6 +20,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from avatargen import __version__
+from avatargen.commands.export_ray import ray_outcomes
 from avatargen.commands.line import terminate
 from avatargen.commands.manifest import NAME, Row, open_manifest
 from avatargen.commands.progress import Show
@@ -78,7 +79,8 @@ def export_many(given: Namespace, show: Show) -> str:
     seeds = range(*given.seeds)
     with open_manifest(given.out, settings_of(given)) as manifest:
         todo = [seed for seed in seeds if not manifest.holds(seed)]
-        for count, row in enumerate(outcomes(given, todo), start=1):
+        rows = outcomes(given, todo) if given.ray is None else ray_outcomes(given, todo)
+        for count, row in enumerate(rows, start=1):
             manifest.add(row)
             if row.error is not None:
                 print(f"seed {row.seed}: {row.error}", file=sys.stderr)

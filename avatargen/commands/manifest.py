@@ -60,7 +60,7 @@ class Manifest:
             return False
         try:
             return hashlib.sha256((self.folder / row.file).read_bytes()).hexdigest() == row.sha256
-        except OSError:
+        except (OSError, ValueError):  # ValueError: no name of a file
             return False
 
 
@@ -117,12 +117,28 @@ def parse_row(line: bytes) -> Row | None:
     except (ValueError, RecursionError):
         return None
     names = {field.name for field in fields(Row)}
-    texts = ("file", "sha256", "error")
     if not isinstance(found, dict) or set(found) != names or type(found["seed"]) is not int:
         return None
-    if any(found[name] is not None and not isinstance(found[name], str) for name in texts):
+    if not is_number(found["seconds"]):
         return None
-    return Row(**found)
+    for kind, optional in (
+        (str, ("file", "sha256", "error")),
+        (int, ("bytes", "faces")),
+        (dict, ("error_mm",)),
+    ):
+        if any(found[name] is not None and type(found[name]) is not kind for name in optional):
+            return None
+    if found["file"] is not None and Path(found["file"]).name != found["file"]:
+        return None
+    if not all(map(is_number, (found["error_mm"] or {}).values())):
+        return None
+    error_mm = found["error_mm"] and {name: float(value) for name, value in found["error_mm"].items()}
+    return Row(**found | {"seconds": float(found["seconds"]), "error_mm": error_mm})
+
+
+def is_number(value: object) -> bool:
+    """A number that JSON can hold as such."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
 
 
 def keep_settings(path: Path, settings: dict[str, object]) -> None:

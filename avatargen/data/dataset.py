@@ -3,18 +3,25 @@
 Letters: N pictures, S pixels a side, J joints, b directions of shape.
 """
 
+import io
+import struct
+import warnings
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from torch import Tensor
 
 from avatargen.data.labels import FILE_NAME, Labels, read_labels
 from avatargen.data.units import DEPTH_UNIT
 from avatargen.errors import InputError
+
+FORMATS = ("PNG", "JPEG", "WEBP")
+MOST_PIXELS = 4096  # along a side
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,12 +78,21 @@ class Pictures:
 
 
 def open_picture(path: Path) -> Image.Image:
-    """Raises InputError where there is no whole picture."""
+    """Raises InputError where there is no whole picture, or one too large."""
     try:
-        with Image.open(path) as picture:
-            return picture.copy()
-    except (OSError, UnidentifiedImageError, SyntaxError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            # from memory: of a file, Pillow would take as much as a forged length says
+            with Image.open(io.BytesIO(path.read_bytes()), formats=FORMATS) as picture:
+                if max(picture.size) > MOST_PIXELS:
+                    raise ValueError(
+                        f"{picture.width} x {picture.height}; at most {MOST_PIXELS} a side are read"
+                    )
+                return picture.copy()
+    except (OSError, SyntaxError, ValueError, OverflowError, struct.error, zlib.error) as error:
         raise InputError(f"data: {path} is no whole picture ({error}); make or prepare it anew") from error
+    except (Image.DecompressionBombError, Warning) as error:
+        raise InputError(f"data: {path} is no usual picture ({error}); make or prepare it anew") from error
 
 
 def open_pictures(folder: Path, size: int) -> Pictures:

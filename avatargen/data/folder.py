@@ -34,7 +34,7 @@ def claim(out: Path, file_name: str, settings: dict[str, Any], command: str) -> 
         else:
             found = settings
             write_atomically(out / file_name, json.dumps(settings).encode())
-    except (OSError, json.JSONDecodeError) as error:
+    except (OSError, json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{command}: cannot use {out} ({error}); name another folder") from error
     if found != settings:
         raise InputError(

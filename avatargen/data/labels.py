@@ -90,12 +90,17 @@ def read_labels(path: Path) -> Labels:
         raise InputError(
             f"data: cannot read {path} ({error.strerror}); name a folder that holds it"
         ) from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"data: {path} is damaged ({error!r}); make the data set anew") from error
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+        raise InputError(f"data: {path} is damaged ({str(error)[:200]!r}); make the data set anew") from error
     if convention != CONVENTION:
         raise InputError(f"data: {path} has convention {convention!r}; {CONVENTION!r} is read")
-    if rows.ndim != 2 or rows.shape[1] != sum(widths) or widths[0] != CAMERA_SIZE or widths[1] % 3:
+    fitting = rows.ndim == 2 and rows.shape[1] == sum(widths) and min(widths) >= 0
+    if not fitting or widths[0] != CAMERA_SIZE or widths[1] % 3:
         raise InputError(f"data: rows of {path} are {rows.shape[1:]} numbers; its layout says {layout}")
+    if outside := [name for name in names if "\0" in name or ".." in name.split("/") or name.startswith("/")]:
+        raise InputError(
+            f"data: {path} names {outside[0]!r}, which is not in its folder; make the data set anew"
+        )
     if not np.isfinite(rows).all():
         raise InputError(f"data: {path} holds NaN or infinity; make the data set anew")
     camera, pose, betas = np.split(rows, np.cumsum(widths)[:2], axis=1)

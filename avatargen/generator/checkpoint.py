@@ -16,6 +16,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
+from torch.overrides import TorchFunctionMode
 
 from avatargen.atomic import write_atomically
 from avatargen.errors import InputError
@@ -23,6 +24,10 @@ from avatargen.generator.config import GeneratorConfig
 from avatargen.generator.generator import AvatarGenerator
 
 FORMAT = "avatargen-1"
+SLACK, ROOM = (
+    20,
+    1 << 22,
+)  # numbers that making a network may pass through, for each one stored and beside them
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -80,17 +85,41 @@ def load_checkpoint(path: str | Path) -> Checkpoint:
         raise InputError(f"weights: {path} has format {metadata.get('format')!r}; {FORMAT!r} is read")
     try:
         config = from_json(GeneratorConfig, json.loads(metadata["config"]))
-        notes = json.loads(metadata.get("notes", "{}"))
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        notes = from_json(dict, json.loads(metadata.get("notes", "{}")))
+        require_finite(tensors, str(path))
+        stored = sum(tensor.numel() for tensor in tensors.values())
+        with torch.random.fork_rng(devices=[]), Allowance(SLACK * stored + ROOM):
+            generator = AvatarGenerator(config)
+        require_fit(tensors, generator.state_dict(), str(path))
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, RecursionError, OverflowError, RuntimeError) as error:
         raise InputError(
-            f"weights: the configuration in {path} is damaged ({error}); download the file anew"
+            f"weights: the configuration in {path} is damaged ({str(error)[:200]}); download the file anew"
         ) from error
-    require_finite(tensors, str(path))
-    with torch.random.fork_rng(devices=[]):
-        generator = AvatarGenerator(config)
-    require_fit(tensors, generator.state_dict(), str(path))
     generator.load_state_dict(tensors)
-    return Checkpoint(generator=generator.eval(), weights_hash=weights_hash(tensors), notes=notes)
+    return Checkpoint(
+        generator=generator.eval(),
+        weights_hash=weights_hash(tensors),
+        notes={str(name): str(note) for name, note in notes.items()},
+    )
+
+
+class Allowance(TorchFunctionMode):
+    """Ends the making of networks that take more numbers than a file can fill."""
+
+    def __init__(self, numbers: int) -> None:
+        super().__init__()
+        self.left = numbers
+
+    def __torch_function__(
+        self, func: typing.Any, types: typing.Any, args: tuple = (), kwargs: dict | None = None
+    ) -> typing.Any:
+        made = func(*args, **kwargs or {})
+        self.left -= made.numel() if isinstance(made, Tensor) else 0
+        if self.left < 0:
+            raise ValueError("it asks for larger networks than the file holds")
+        return made
 
 
 def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:

@@ -135,7 +135,10 @@ def claim(out: Path, settings: dict[str, Any]) -> None:
     if not path.exists():
         write_atomically(path, json.dumps(settings, indent=1).encode())
         return
-    found = json.loads(path.read_bytes())
+    try:
+        found = dict(json.loads(path.read_bytes()))
+    except (OSError, TypeError, ValueError, RecursionError) as error:
+        raise TrainingError(f"train: {path} is damaged ({str(error)[:200]}); name another folder") from error
     differ = [name for name in settings if without_length(found.get(name)) != without_length(settings[name])]
     if differ:
         raise TrainingError(f"train: {out} holds a run with another {', '.join(differ)}; name another folder")
@@ -163,5 +166,8 @@ def cut_log(path: Path, images: int) -> None:
     if not path.exists():
         return
     whole = [line for line in path.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
-    kept = [line for line in whole if json.loads(line)["images"] <= images]
+    try:
+        kept = [line for line in whole if json.loads(line)["images"] <= images]
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise TrainingError(f"train: {path} is damaged ({str(error)[:200]}); name another folder") from error
     write_atomically(path, b"".join(kept))
