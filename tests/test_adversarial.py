@@ -22,11 +22,13 @@ from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.errors import TrainingError
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig, body_hash
+from avatargen.generator.density import Density
 from avatargen.generator.picture import CanonicalSurface
 from avatargen.training.adversarial import (
     Run,
     blur,
     draw_batch,
+    first_weights,
     generate,
     generator_config,
     snapshot_is_due,
@@ -265,6 +267,19 @@ def test_labels_and_weights_of_another_body_are_refused(folder: Path, pictures: 
     with pytest.raises(TrainingError, match="weights to start from are of another body"):
         train(short, pictures, taller, folder / "taller", accelerator(), [].append, start)
     assert not (folder / "other").exists() and not (folder / "taller").exists()
+
+
+def test_weights_that_never_rendered_take_this_runs_sharpness(folder: Path, pictures: Pictures):
+    """What the warm start leaves is an initial value; what rendering has learned is kept."""
+    small_run(folder / "data", folder / "rendered", replace(CONFIG, images=2))
+    start = load_checkpoint(folder / "rendered" / "generator.safetensors")
+    sharp = replace(CONFIG, render=replace(CONFIG.render, initial_alpha=0.004))
+    learned = float(start.generator.density.alpha.detach())
+    assert float(first_weights(start, sharp)["density.p"]) == pytest.approx(learned - 1e-4, rel=1e-5)
+    with torch.no_grad():
+        start.generator.density.p.copy_(Density(start.generator.config.render.initial_alpha).p)
+    assert float(first_weights(start, sharp)["density.p"]) == pytest.approx(0.004 - 1e-4, rel=1e-5)
+    assert start.generator.config.render.initial_alpha != 0.004
 
 
 def test_the_average_halves_its_distance_in_a_half_life(pictures: Pictures):

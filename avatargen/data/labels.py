@@ -37,7 +37,7 @@ class Labels:
     pose: Float32[np.ndarray, "N J 3"]
     betas: Float32[np.ndarray, "N b"]
     weights: Float32[np.ndarray, " N"] | None = None  # how often each is shown; none: all alike
-    body: str = ""  # `body_hash` of the canonical body they are of; empty: the shipped one
+    body: str = ""  # `body_hash` of the canonical body they are of; empty: not said
 
     def __len__(self) -> int:
         return len(self.names)

@@ -64,7 +64,7 @@ def run_ablations(
         folder = out / name.replace(" ", "_").replace("=", "")
         average = train(config, data, body, folder, accelerator, lambda line: None)
         features = ("frechet distance", random_features)
-        measured = evaluate(average, surface, held_out, data, features, EvalConfig(pictures=40))
+        measured = evaluate(average, surface, held_out, data, features, EvalConfig(pictures=40, samples=None))
         rows.append(Row(name=name, report=measured))
     return rows
 

@@ -29,6 +29,7 @@ from avatargen.generator.camera import camera_of_vector
 from avatargen.generator.checkpoint import Checkpoint, save_checkpoint
 from avatargen.generator.config import GeneratorConfig, for_body
 from avatargen.generator.decoder import fit_reach
+from avatargen.generator.density import Density
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface, Person, Picture, make_people, picture_people
 from avatargen.training.adversarial_config import NETWORKS, AdversarialConfig
@@ -151,7 +152,7 @@ def train(
         start_name = start.weights_hash if start else "random weights"
         claim(out, describe(config, networks, pictures.folder, start_name))
     label_size = pictures.labels.rows().shape[1]
-    weights = start.generator.state_dict() if start else None
+    weights = first_weights(start, config) if start else None
     state = new_state(config, networks, label_size, accelerator.device, weights)
     if start is None:
         fit_reach(state.generator.decoder, canonical_body(body))
@@ -198,6 +199,15 @@ def generator_config(config: AdversarialConfig, body: Body, start: Checkpoint | 
     if config.geometry.prior == "none":
         decoder = replace(decoder, vertex_features=0)
     return replace(networks, geometry=config.geometry, render=config.render, decoder=decoder)
+
+
+def first_weights(start: Checkpoint, config: AdversarialConfig) -> dict[str, Tensor]:
+    """The weights to start from; where nothing was rendered in their training, with this run's sharpness."""
+    weights, rendering = start.generator.state_dict(), start.generator.config.render
+    untrained = Density(rendering.initial_alpha).p.detach()
+    if torch.equal(weights["density.p"].cpu(), untrained):
+        weights["density.p"] = Density(config.render.initial_alpha).p.detach()
+    return weights
 
 
 def share_of_process(config: AdversarialConfig, accelerator: "Accelerator") -> slice:
