@@ -22,12 +22,13 @@ from jaxtyping import Bool, Float, Float64, Int64
 
 from assets.errors import GeometryError
 from assets.field import Field, ask
-from assets.grid import CORNERS, CornerValues, make_grid
+from assets.grid import CORNERS, CornerValues, grown, make_grid, once
 from assets.surface import Surface
 from avatargen.errors import InputError
 
 SIDES = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
-CORNERS_OF_SIDE = np.array([np.flatnonzero((CORNERS * 2 - 1) @ np.array(side) > 0) for side in SIDES])
+BIT_OF_CORNER = 1 << np.arange(8)
+BITS_OF_SIDE = [int(BIT_OF_CORNER @ ((CORNERS * 2 - 1) @ np.array(side) > 0)) for side in SIDES]
 QUARTERS = [[np.array(offset) for offset in CORNERS if offset[axis] == 0] for axis in range(3)]
 HALVES = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 MAX_RESOLUTION = 2048
@@ -91,7 +92,7 @@ def trace(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig) -
             return Extraction(
                 surface=surface,
                 cell_size=grid.cell_size,
-                queries=other_queries + len(values.keys),
+                queries=other_queries + values.queries,
                 crossing_corners=corners,
                 attempts=attempt,
             )
@@ -130,7 +131,7 @@ def find_band(values: CornerValues, config: ExtractConfig, widening: float) -> B
         if slope is None:
             slope, asked = estimate_slope(values, cells, high, centre, config, rng)
             queries += asked
-        near = np.abs(value) <= slope * widening * reach
+        near = np.abs(value) <= slope * widening * (reach - blind(value, last * grid.cell_size))
         skipped = rng.permutation(np.flatnonzero(~near))[: config.audit]
         missed += audit(values, cells[skipped], high[skipped], value[skipped], rng)
         queries += len(skipped)
@@ -138,6 +139,17 @@ def find_band(values: CornerValues, config: ExtractConfig, widening: float) -> B
         cells = (cells[near][:, None] + size * HALVES).reshape(-1, 3)
         cells = cells[(cells < grid.shape).all(axis=1)]
     return Band(cells=cells, size=size, queries=queries, missed=missed)
+
+
+def blind(value: Float64[np.ndarray, " C"], size: float) -> Float64[np.ndarray, " C"]:
+    """How far from a cell's farthest point the surface may be overlooked, metres.
+
+    Where the field is clamped it says nothing of the distance, and every coarse cell would be near. But what
+    comes no nearer to any centre fits in a cell of `size` metres, the last of the band; such pieces may be
+    overlooked anyway.
+    """
+    clamped = (value == value.max()) | (value == value.min())
+    return np.where(clamped, np.sqrt(3) / 2 * size, 0.0)
 
 
 def largest_power(number: float) -> int:
@@ -189,7 +201,7 @@ def seed_cells(values: CornerValues, band: Band) -> Int64[np.ndarray, "K 3"]:
     found = [np.zeros((0, 3), dtype=np.int64)]
     for axis in range(3):
         low = np.concatenate([band.cells + band.size * offset for offset in QUARTERS[axis]])
-        low = grid.corners(np.unique(grid.keys(low[(low <= grid.shape).all(axis=1)])))
+        low = different(values, low[(low <= grid.shape).all(axis=1)])
         high = low.copy()
         high[:, axis] = np.minimum(high[:, axis] + band.size, grid.shape[axis])
         inside = values.at(low) < 0
@@ -197,11 +209,16 @@ def seed_cells(values: CornerValues, band: Band) -> Int64[np.ndarray, "K 3"]:
         found.append(halve(values, low[crossed], high[crossed], inside[crossed], axis))
     seeds = np.minimum(np.concatenate(found), grid.shape - 1)
     if len(seeds) == 0:
-        state = "inside" if len(values.values) and (values.values < 0).all() else "outside"
+        state = "outside" if (values.values > 0).any() else "inside"
         raise GeometryError(
             f"extract: the bounds are all {state}, no surface; check the bounds and the field's sign"
         )
-    return grid.corners(np.unique(grid.keys(seeds)))
+    return different(values, seeds)
+
+
+def different(values: CornerValues, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, "K 3"]:
+    """Each of these corners once."""
+    return values.corners(once(values.slots(corners), len(values.values)))
 
 
 def halve(
@@ -227,43 +244,44 @@ def follow_surface(values: CornerValues, seeds: Int64[np.ndarray, "C 3"]) -> Int
     Raises:
         GeometryError: the surface leaves the grid.
     """
-    grid = values.grid
-    listed = np.zeros(len(values.slot), dtype=bool)
+    listed = np.zeros(0, dtype=bool)  # by the slot of a cell's low corner
     frontier, found = seeds, [seeds[:0]]
     while len(frontier):
-        listed[grid.keys(frontier)] = True
-        inside = values.inside(frontier)
+        slots = values.slots_of_cells(frontier)
+        inside = (values.ask(slots) < 0) @ BIT_OF_CORNER
+        listed = grown(listed, len(values.values))
+        listed[slots[:, 0]] = True
         found.append(frontier)
-        beyond = [
-            frontier[mixed(inside[:, i])] + side for side, i in zip(SIDES, CORNERS_OF_SIDE, strict=True)
-        ]
-        reached = np.concatenate(beyond)
-        if ((reached < 0) | (reached >= grid.shape)).any():
+        reached = np.concatenate(
+            [frontier[mixed(inside, bits)] + side for side, bits in zip(SIDES, BITS_OF_SIDE, strict=True)]
+        )
+        if ((reached < 0) | (reached >= values.grid.shape)).any():
             raise GeometryError(
                 "extract: the surface touches the bounds and would stay open; give larger bounds"
             )
-        keys = grid.keys(reached)
-        frontier = grid.corners(np.unique(keys[~listed[keys]]))
+        slots = values.slots(reached)
+        listed = grown(listed, len(values.values))
+        frontier = values.corners(once(slots[~listed[slots]], len(listed)))
     return np.concatenate(found)
 
 
-def mixed(inside: np.ndarray) -> np.ndarray:
-    """Rows that hold both signs."""
-    return np.asarray(inside.any(axis=1) & ~inside.all(axis=1))
+def mixed(inside: Int64[np.ndarray, " C"], bits: int) -> Bool[np.ndarray, " C"]:
+    """Cells that have both signs at these corners."""
+    there = inside & bits
+    return (there != 0) & (there != bits)
 
 
 def march(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> tuple[Surface, int]:
     """Marching cubes on crossed cells; also how many corners they have."""
     import igl
 
-    grid = values.grid
-    cells = cells[np.argsort(grid.keys(cells))]  # the order of the grid, whatever the search did
-    index = values.of_cells(cells)
-    used = np.zeros(len(values.values), dtype=bool)
-    used[index] = True
-    rows = np.flatnonzero(used)
-    place = np.zeros(len(used), dtype=np.int64)
-    place[rows] = np.arange(len(rows))
-    corners = grid.points(grid.corners(values.keys[rows]))
-    vertices, faces = igl.marching_cubes(values.values[rows], corners, place[index], 0.0)[:2]
-    return Surface(vertices=np.asarray(vertices), faces=np.asarray(faces).astype(np.int64)), len(rows)
+    cells = cells[np.argsort(values.grid.keys(cells))]  # the order of the grid, whatever the search did
+    index = values.slots_of_cells(cells)
+    slots = once(index.reshape(-1), len(values.values))
+    place = np.zeros(len(values.values), dtype=np.int32)
+    place[slots] = np.arange(len(slots))
+    corners = values.grid.points(values.corners(slots))
+    vertices, faces = igl.marching_cubes(values.values[slots], corners, place[index].astype(np.int64), 0.0)[
+        :2
+    ]
+    return Surface(vertices=np.asarray(vertices), faces=np.asarray(faces).astype(np.int64)), len(slots)

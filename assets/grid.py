@@ -7,13 +7,15 @@ cell is named by its low corner.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int64
+from jaxtyping import Float, Float64, Int64, Shaped
 
 from assets.field import Field, ask
 from avatargen.errors import InputError
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
-MAX_CORNERS = 1 << 31
+MAX_CORNERS = 1 << 34
+BITS = 2  # of a coordinate, that tell corners of one brick apart
+BRICK = 1 << BITS  # corners along a brick's side
 NEVER_ZERO = 1e-5  # of a cell: values closer to zero are moved there, so that no triangle has zero area
 
 
@@ -38,12 +40,6 @@ class Grid:
             ..., 0
         ]
 
-    def corners(self, keys: Int64[np.ndarray, " N"]) -> Int64[np.ndarray, "N 3"]:
-        """The corners that have these keys."""
-        rest, x = np.divmod(keys, self.shape[0] + 1)
-        z, y = np.divmod(rest, self.shape[1] + 1)
-        return np.stack([x, y, z], axis=1)
-
 
 def make_grid(bounds: Float64[np.ndarray, "2 3"], resolution: int) -> Grid:
     """Cubic cells, `resolution` of them along the longest side.
@@ -61,44 +57,93 @@ def make_grid(bounds: Float64[np.ndarray, "2 3"], resolution: int) -> Grid:
     return Grid(low=bounds[0], cell_size=cell_size, shape=shape)
 
 
+def grown(array: Shaped[np.ndarray, " M"], size: int) -> Shaped[np.ndarray, " N"]:
+    """The array, followed by zeros where it is shorter; the system hands out memory as it is touched."""
+    if len(array) >= size:
+        return array
+    longer = np.zeros(size, dtype=array.dtype)
+    longer[: len(array)] = array
+    return longer
+
+
+def once(numbers: Int64[np.ndarray, " N"], below: int) -> Int64[np.ndarray, " K"]:
+    """Each of these numbers once, in order: faster than sorting where they are dense."""
+    there = np.zeros(below, dtype=bool)
+    there[numbers] = True
+    return np.flatnonzero(there)
+
+
 class CornerValues:
     """The field at corners of the grid, asked once each.
 
-    `slot` has a place for every corner of the grid, 0 where it has not been asked; the system hands out its
-    memory only as it is touched.
+    Values lie in bricks of 4 x 4 x 4 corners that are opened where they are needed, so memory follows the
+    surface; a corner's place among the values is its slot. A value is never zero: zero says not asked yet.
     """
 
     def __init__(self, sdf: Field, grid: Grid) -> None:
         self.sdf, self.grid = sdf, grid
-        self.slot = np.zeros(int(np.prod(grid.shape + 1)), dtype=np.int32)
-        self.keys = np.zeros(0, dtype=np.int64)
+        self.bricks = grid.shape // BRICK + 1  # along each axis
+        strides = np.cumprod([1, *self.bricks[:2]])
+        # of each coordinate of each axis: its share in a corner's code, which is the brick and, in the last
+        # bits, the place in it
+        self.shares = [
+            ((c >> BITS) * stride << 3 * BITS) + ((c & (BRICK - 1)) << axis * BITS)
+            for axis, stride in enumerate(strides)
+            for c in [np.arange(self.bricks[axis] * BRICK)]
+        ]
+        self.opened = np.zeros(int(np.prod(self.bricks)), dtype=np.int32)  # how many were before it, from 1
+        self.brick = np.zeros(0, dtype=np.int64)  # of each that is open
         self.values = np.zeros(0)
+        self.queries = 0
 
-    def index(self, keys: Int64[np.ndarray, "*N"]) -> Int64[np.ndarray, "*N"]:
-        """Rows of `values` for corners, asking the field where it has not been asked."""
-        flat = keys.reshape(-1)
-        flat = flat[self.slot[flat] == 0]
-        if len(flat):
-            ticket = np.arange(1, len(flat) + 1, dtype=np.int32)
-            self.slot[flat] = ticket
-            new = flat[self.slot[flat] == ticket]  # each corner once
-            self.slot[new] = np.arange(len(self.keys) + 1, len(self.keys) + 1 + len(new))
-            values = ask(self.sdf, self.grid.points(self.grid.corners(new)))
-            tiny = NEVER_ZERO * self.grid.cell_size
-            values = np.where(np.abs(values) < tiny, np.where(values < 0, -tiny, tiny), values)
-            self.keys, self.values = np.concatenate([self.keys, new]), np.concatenate([self.values, values])
-        return self.slot[keys].astype(np.int64) - 1
+    def slots(self, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, " N"]:
+        """Where the values of corners are or will be."""
+        x, y, z = (share[corners[:, axis]] for axis, share in enumerate(self.shares))
+        return self.decode(x + y + z)
+
+    def slots_of_cells(self, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "C 8"]:
+        """The same for the corners of cells, in the order of `CORNERS`."""
+        x, y, z = ((share[cells[:, d]], share[cells[:, d] + 1]) for d, share in enumerate(self.shares))
+        return self.decode(np.stack([x[i] + y[j] + z[k] for i, j, k in CORNERS], axis=1))
+
+    def decode(self, codes: Int64[np.ndarray, "*N"]) -> Int64[np.ndarray, "*N"]:
+        """Slots by codes, in bricks that are opened where they are not."""
+        brick = codes >> 3 * BITS
+        number = self.opened[brick]
+        if not number.all():
+            self.open(brick[number == 0])
+            number = self.opened[brick]
+        return (number.astype(np.int64) - 1 << 3 * BITS) + (codes & (BRICK**3 - 1))
+
+    def open(self, bricks: Int64[np.ndarray, " N"]) -> None:
+        """Make room for bricks, which may be named more than once."""
+        ticket = np.arange(1, len(bricks) + 1, dtype=np.int32)
+        self.opened[bricks] = ticket
+        new = bricks[self.opened[bricks] == ticket]  # each once
+        self.opened[new] = np.arange(len(self.brick) + 1, len(self.brick) + 1 + len(new))
+        self.brick = np.concatenate([self.brick, new])
+        if len(self.brick) * BRICK**3 > len(self.values):
+            self.values = grown(self.values, 2 * len(self.brick) * BRICK**3)
+
+    def corners(self, slots: Int64[np.ndarray, " N"]) -> Int64[np.ndarray, "N 3"]:
+        """The corners whose values have these slots."""
+        rest, x = np.divmod(self.brick[slots >> 3 * BITS], self.bricks[0])
+        z, y = np.divmod(rest, self.bricks[1])
+        within = slots[:, None] >> np.array([0, BITS, 2 * BITS]) & (BRICK - 1)
+        return (np.stack([x, y, z], axis=1) << BITS) + within
+
+    def ask(self, slots: Int64[np.ndarray, "*N"]) -> Float64[np.ndarray, "*N"]:
+        """The field at the corners of these slots, asked where it has not been asked."""
+        found = self.values[slots]
+        new = once(slots[found == 0], len(self.values))
+        if len(new) == 0:
+            return found
+        values = ask(self.sdf, self.grid.points(self.corners(new)))
+        tiny = NEVER_ZERO * self.grid.cell_size
+        self.values[new] = np.where(np.abs(values) < tiny, np.where(values < 0, -tiny, tiny), values)
+        self.queries += len(new)
+        return self.values[slots]
 
     def at(self, corners: Int64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
         """The field at corners."""
-        index = self.index(self.grid.keys(corners))
-        return self.values[index]
-
-    def of_cells(self, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "C 8"]:
-        """Rows of `values` for the corners of cells, in the order of `CORNERS`."""
-        return self.index(self.grid.keys(cells)[:, None] + self.grid.keys(CORNERS))
-
-    def inside(self, cells: Int64[np.ndarray, "C 3"]) -> Bool[np.ndarray, "C 8"]:
-        """Whether each corner of each cell is inside the surface."""
-        index = self.of_cells(cells)
-        return (self.values < 0)[index]
+        return self.ask(self.slots(corners))

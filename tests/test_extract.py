@@ -1,3 +1,5 @@
+import tracemalloc
+
 import igl
 import numpy as np
 import pytest
@@ -34,7 +36,16 @@ def dense_marching_cubes(sdf, resolution):
 
 @pytest.mark.parametrize(
     ("sdf", "holes"),
-    [(sphere(0.61), 0), (torus(), 1), (union(sphere(0.3, (-0.5, 0, 0)), torus(0.2, 0.09)), None)],
+    [
+        (sphere(0.61), 0),
+        (torus(), 1),
+        (union(sphere(0.3, (-0.5, 0, 0)), torus(0.2, 0.09)), None),
+        (lambda points: (points.abs() - torch.tensor([0.41, 0.3, 0.55])).amax(dim=1), 0),
+        (union(*(lambda p, y=y: plate(0.03)(p - torch.tensor([0.004, y, 0.007])) for y in (0, 0.06))), None),
+        (person(), 0),
+        (lambda points: person()(points).clamp(-0.02, 0.02), 0),
+    ],
+    ids=["sphere", "torus", "two pieces", "box", "two sheets", "person", "clamped person"],
 )
 def test_narrow_band_equals_the_dense_grid(sdf, holes):
     surface = extract(sdf, BOX, ExtractConfig(resolution=96, coarsest=12))
@@ -70,6 +81,32 @@ def test_few_questions_at_full_resolution():
     assert result.queries < 1.4 * result.crossing_corners
     assert result.attempts == 1
     assert not find_defects(result.surface)
+
+
+def test_a_clamped_field_is_not_searched_everywhere():
+    """Two centimetres from the surface the field says nothing any more of how far it is."""
+    shape = person()
+    result = trace(lambda points: shape(points).clamp(-0.02, 0.02), PERSON_BOX, ExtractConfig())
+    assert result.queries < 1.5 * result.crossing_corners
+
+
+def peak_memory(resolution: int) -> int:
+    """Bytes that numpy held at most while extracting the same person."""
+    tracemalloc.start()
+    trace(person(), PERSON_BOX, ExtractConfig(resolution=resolution))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak
+
+
+def test_memory_grows_with_the_surface():
+    assert peak_memory(384) < 5 * peak_memory(192)  # four times the surface, eight times the volume
+
+
+def test_the_finest_resolution():
+    result = trace(sphere(0.03), BOX, ExtractConfig(resolution=2048))
+    assert not find_defects(result.surface)
+    assert volume(result.surface) == pytest.approx(4 / 3 * np.pi * 0.03**3, rel=1e-3)
 
 
 @pytest.mark.parametrize("resolution", [5, 33, 100, 77])

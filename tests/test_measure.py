@@ -3,7 +3,7 @@ import pytest
 import torch
 from shapes import icosphere, sphere
 
-from assets.measure import MeasureConfig, points_on, sample_surface, surface_error
+from assets.measure import MeasureConfig, distances, points_on, sample_surface, surface_error
 from assets.surface import face_areas
 from avatargen.errors import FieldError
 
@@ -52,5 +52,25 @@ def test_samples_on_flat_places_of_the_field_are_found_along_their_normals():
         return distance.clamp(-0.001, 0.001)
 
     error = surface_error(icosphere(0.5, rounds=5), stepped)
-    assert error.mean_mm == pytest.approx(3.1, rel=0.6)
-    assert error.max_mm < 6
+    assert error.mean_mm == pytest.approx(3.1, rel=0.02)
+    assert error.max_mm < 3.4
+
+
+def test_a_zero_beside_the_line_is_found():
+    """The gradient points along y and the normals lead astray, but the zero level is near."""
+
+    def jump(points):
+        return torch.sign(points.norm(dim=1) - 0.503) * (2 + points[:, 1])
+
+    rng = np.random.default_rng(0)
+    points, normals = rng.normal(size=(2, 300, 3))
+    points *= 0.5 / np.linalg.norm(points, axis=1, keepdims=True)
+    found = distances(points, normals, jump, MeasureConfig.step)
+
+    assert found.min() > 0.003 - 1e-6
+    assert found.max() < 0.003 * 1.15
+
+
+def test_no_zero_in_reach_is_as_far_as_the_search_goes():
+    error = surface_error(icosphere(), lambda points: torch.ones(len(points)), MeasureConfig(samples=50))
+    assert error.max_mm == 50

@@ -19,7 +19,6 @@ from assets.bones import add_ends, aim_bones
 from assets.joints import body_on
 from assets.names import rename_joints
 from assets.plan import CONTENTS, Content
-from assets.preview import render
 from avatargen.atomic import check_writable, write_together
 from avatargen.avatar import Avatar, AvatarSampler
 from avatargen.body.pose import load_pose
@@ -110,6 +109,8 @@ def run(given: Namespace, path: Path, show: Show) -> str:
     size = sum(len(data) for _, data in files)
     if given.preview is not None:
         with clock.stage("preview"):
+            from assets.preview import render
+
             files.append((given.preview, encode_png(render(made.asset))))
     show("write", SHARES["write"])
     total = process_seconds()

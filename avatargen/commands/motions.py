@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from assets import Asset
 from assets.animate import figure_of
 from avatargen.errors import InputError
-from avatargen.motion.amass import in_ranges, load_motion
-from avatargen.motion.clips import make_clip
 from avatargen.motion.motion import Motion, in_place, mirrored, retimed
 
 
@@ -20,6 +18,10 @@ def load_motions(given: Namespace) -> tuple[Motion, ...]:
     names = [*given.clip, *(path.stem for path in given.motion)]
     if len(set(names)) < len(names):
         raise InputError(f"found animations {', '.join(names)}; give each once, and files names of their own")
+    if not given.motion:
+        return ()
+    from avatargen.motion.amass import load_motion
+
     return tuple(load_motion(path) for path in given.motion)
 
 
@@ -29,9 +31,7 @@ def finish_motions(given: Namespace, files: Sequence[Motion], asset: Asset) -> t
     Raises:
         InputError: the body lacks a joint that a clip moves, or a motion would have too many frames.
     """
-    figure = figure_of(asset) if given.clip else None
-    motions = [make_clip(name, figure) for name in given.clip if figure is not None]
-    motions += files
+    motions = [*make_clips(given.clip, asset), *files]
     if given.mirror:
         motions = [mirrored(motion) for motion in motions]
     if given.in_place:
@@ -39,13 +39,27 @@ def finish_motions(given: Namespace, files: Sequence[Motion], asset: Asset) -> t
     return tuple(retimed(motion, given.fps, given.speed) for motion in motions)
 
 
+def make_clips(names: Sequence[str], asset: Asset) -> list[Motion]:
+    """Built-in clips for the asset's person. Raises InputError where its body lacks a joint they move."""
+    if not names:
+        return []
+    from avatargen.motion.clips import make_clip  # scipy's splines take .2 s to load
+
+    figure = figure_of(asset)
+    return [make_clip(name, figure) for name in names]
+
+
 def tell_of_bad_frames(motions: Sequence[Motion]) -> list[str]:
     """A line for each file in which frames were bad and have been filled."""
+    bad = [motion for motion in motions if motion.bad_frames]
+    if not bad:
+        return []
+    from avatargen.motion.amass import in_ranges
+
     return [
         f"{motion.name}: {len(motion.bad_frames)} bad frames, filled from their neighbours: "
         f"{in_ranges(motion.bad_frames)}"
-        for motion in motions
-        if motion.bad_frames
+        for motion in bad
     ]
 
 
