@@ -21,13 +21,15 @@ class Format:
     `encode` gets the asset and the names of all files there may be, the one asked for first, and returns
     those that the asset needs, in that order; it touches neither the disk nor the asset. `beside` ends the
     names of the files that stand beside the one asked for: person.usda brings person_base_color.png.
-    `content` is the most that the format can hold, `rest_pose` the one that it must have.
+    `content` is the most that the format can hold, `rest_pose` the one that it must have; only formats
+    with `levels` hold coarser levels of detail, the others write the finest.
     """
 
     encode: Encoder
     beside: tuple[str, ...] = ()
     content: Content = "rigged"
     rest_pose: str | None = None
+    levels: bool = False
 
 
 def one_file(encode: Callable[[PlainAsset], bytes]) -> Encoder:
@@ -42,8 +44,8 @@ def encode_usd(asset: PlainAsset, names: tuple[str, ...]) -> tuple[File, ...]:
 
 
 FORMATS: dict[str, Format] = {
-    ".glb": Format(one_file(glb.encode)),
-    ".gltf": Format(gltf_files.encode, beside=(".bin", "_base_color.png")),
+    ".glb": Format(one_file(glb.encode), levels=True),
+    ".gltf": Format(gltf_files.encode, beside=(".bin", "_base_color.png"), levels=True),
     ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
     ".usda": Format(encode_usd, beside=("_base_color.png",)),
     ".usdc": Format(encode_usd, beside=("_base_color.png",)),

@@ -13,6 +13,7 @@ from jaxtyping import Float32, Shaped
 
 from assets.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
 from exporters.binary import Binary
+from exporters.glb_levels import add_levels
 from exporters.glb_motion import animations, morph_targets, rest_quaternions
 from exporters.png import encode_png
 
@@ -46,6 +47,7 @@ def describe(asset: PlainAsset, picture_uri: str | None = None) -> tuple[gltf.GL
         add_skeleton(document, asset.skeleton, binary)
         add_morphs(document.meshes[0], asset, binary)
         document.animations = animations(asset, binary)
+    add_levels(document, asset, binary)
     if isinstance(asset, TexturedAsset):
         add_texture(document)
         if picture_uri is None:
@@ -91,7 +93,6 @@ def add_texture(document: gltf.GLTF2) -> None:
 
 
 def mesh_primitive(asset: PlainAsset, binary: Binary) -> gltf.Primitive:
-    index_type = np.uint16 if len(asset.vertices) <= 65535 else np.uint32  # 65535 itself is reserved
     attributes = gltf.Attributes(
         POSITION=binary.add_array(asset.vertices.astype(np.float32), gltf.ARRAY_BUFFER, bounds=True),
         NORMAL=binary.add_array(unit(asset.normals), gltf.ARRAY_BUFFER),
@@ -103,7 +104,7 @@ def mesh_primitive(asset: PlainAsset, binary: Binary) -> gltf.Primitive:
         joints = np.where(asset.weights > 0, asset.joints, 0).astype(joint_type)
         attributes.JOINTS_0 = binary.add_array(joints, gltf.ARRAY_BUFFER)
         attributes.WEIGHTS_0 = binary.add_array(exact_weights(asset.weights), gltf.ARRAY_BUFFER)
-    indices = binary.add_array(asset.faces.astype(index_type).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
+    indices = binary.add_indices(asset.faces, len(asset.vertices))
     return gltf.Primitive(attributes=attributes, indices=indices, material=0, mode=gltf.TRIANGLES)
 
 

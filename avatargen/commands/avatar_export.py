@@ -7,6 +7,7 @@ import argparse
 import sys
 from argparse import ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from avatargen import __version__
@@ -19,6 +20,7 @@ from avatargen.errors import InputError
 PROGRAM = "avatar-export"
 LARGEST_SEED = 2**63 - 1
 MOST_SEEDS = 1_000_000
+FEWEST_FACES, MOST_FACES = 100, 2_000_000
 # what `exporters` writes, which takes seconds to ask
 FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
 DESCRIPTION = """\
@@ -35,6 +37,7 @@ examples:
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
+  avatar-export --seed 3 --lods 40000,20000,5000,1000
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
 """
 
@@ -117,9 +120,15 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     )
     shape.add_argument(
         "--faces",
-        type=whole_number(100, 2_000_000),
+        type=whole_number(FEWEST_FACES, MOST_FACES),
         metavar="N",
         help=f"triangles wanted, kept within 2 %% (default: {SCENES[DEFAULT].faces}, or by --scene)",
+    )
+    shape.add_argument(
+        "--lods",
+        type=falling_numbers,
+        metavar="N,N,..",
+        help="instead of --faces: triangles of each level of detail, finest first, all in one .glb or .gltf",
     )
     shape.add_argument(
         "--texture",
@@ -148,10 +157,12 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     parser.add_argument("--version", action="version", version=f"avatargen {__version__}")
     given = parser.parse_args(arguments)
     chosen = [name for name in ("tolerance", "budget") if getattr(given, name) is not None]
-    fixed = [name for name in ("resolution", "faces") if getattr(given, name) is not None]
+    fixed = [name for name in ("resolution", "faces", "lods") if getattr(given, name) is not None]
     if len(chosen) > 1 or (chosen and fixed):
         names = " and ".join(f"--{name}" for name in [*chosen, *fixed])
         raise InputError(f"found {names}; --tolerance and --budget choose, so give one of them alone")
+    if given.lods is not None and given.faces is not None:
+        raise InputError("found --faces and --lods, whose first number is that of faces; leave out --faces")
     return given
 
 
@@ -258,6 +269,18 @@ def seed_range(text: str) -> tuple[int, int]:
     if not first < end <= LARGEST_SEED or end - first > MOST_SEEDS:
         raise ArgumentTypeError(f"found {text!r}, wanted A:B with A < B, at most {MOST_SEEDS} seeds apart")
     return first, end
+
+
+def falling_numbers(text: str) -> tuple[int, ...]:
+    """An argument type: whole numbers of 100 or more, each less than the one before."""
+    parts = text.replace(" ", "").split(",")
+    plain = all(part.isascii() and part.isdigit() and len(part) < 8 for part in parts)
+    sizes = tuple(int(part) for part in parts) if plain else (0,)
+    falling = all(a > b for a, b in pairwise(sizes))
+    if not falling or sizes[-1] < FEWEST_FACES or sizes[0] > MOST_FACES:
+        limits = f"{FEWEST_FACES} to {MOST_FACES}"
+        raise ArgumentTypeError(f"found {text!r}, wanted falling numbers of {limits}, as in 20000,5000,1000")
+    return sizes
 
 
 def format_name(text: str) -> str:
