@@ -4,6 +4,7 @@ from assets.animate import animate, figure_of
 from assets.asset import Asset, PlainAsset, TexturedAsset
 from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
+from assets.levels import with_levels
 from assets.pipeline import BuildConfig, build, build_content
 from assets.surface import Surface
 
@@ -20,4 +21,5 @@ __all__ = [
     "build_content",
     "extract",
     "figure_of",
+    "with_levels",
 ]

@@ -60,13 +60,15 @@ class PlainAsset:
     info: AssetInfo
     welded: Int64[np.ndarray, " W"] | None = None  # each vertex's number before the seams split it
     canonical: Float32[np.ndarray, "W 3"] | None = None  # metres, where the fields have each vertex
+    levels: tuple[Int64[np.ndarray, "_ 3"], ...] = ()  # faces of coarser levels, finest first
     report: Report | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         require_finite(vertices=self.vertices, normals=self.normals)
         count = len(self.vertices)
-        if len(self.faces) == 0 or self.faces.min() < 0 or self.faces.max() >= count:
-            raise GeometryError(f"asset: faces must name some of the {count} vertices")
+        for faces in (self.faces, *self.levels):
+            if len(faces) == 0 or faces.min() < 0 or faces.max() >= count:
+                raise GeometryError(f"asset: faces must name some of the {count} vertices")
 
 
 @dataclass(frozen=True, kw_only=True)

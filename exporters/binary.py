@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pygltflib as gltf
-from jaxtyping import Shaped
+from jaxtyping import Int64, Shaped
 
 COMPONENT_TYPES = {
     "int8": gltf.BYTE,
@@ -62,3 +62,8 @@ class Binary:
             accessor.min, accessor.max = columns.min(axis=0).tolist(), columns.max(axis=0).tolist()
         self.accessors.append(accessor)
         return len(self.accessors) - 1
+
+    def add_indices(self, faces: Int64[np.ndarray, "F 3"], vertex_count: int) -> int:
+        """Append the corners of faces; returns their accessor's index."""
+        index_type = np.uint16 if vertex_count <= 65535 else np.uint32  # 65535 itself is reserved
+        return self.add_array(faces.astype(index_type).ravel(), gltf.ELEMENT_ARRAY_BUFFER)

@@ -24,7 +24,7 @@ class Format:
     names of the files that stand beside the one asked for: person.usda brings person_base_color.png.
     `content` is the most that the format can hold, `normal_map` whether that is among it, `rest_pose` the one
     pose that it must have. `pictures` are the ways it can hold pictures in, `quantize` whether it can hold
-    rounded numbers.
+    rounded numbers; only formats with `levels` hold coarser levels of detail, the others write the finest.
     """
 
     encode: Encoder
@@ -34,6 +34,7 @@ class Format:
     rest_pose: str | None = None
     pictures: tuple[PictureFormat, ...] = ("png", "jpeg")
     quantize: bool = False
+    levels: bool = False
 
 
 def one_file(encode: Callable[[PlainAsset, Encoding], bytes]) -> Encoder:
@@ -53,12 +54,13 @@ def encode_usd(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) ->
 
 
 FORMATS: dict[str, Format] = {
-    ".glb": Format(one_file(glb.encode), pictures=tuple(SUFFIXES), quantize=True),
+    ".glb": Format(one_file(glb.encode), pictures=tuple(SUFFIXES), quantize=True, levels=True),
     ".gltf": Format(
         gltf_files.encode,
         beside=(".bin", "_base_color.png", "_normal.png"),
         pictures=tuple(SUFFIXES),
         quantize=True,
+        levels=True,
     ),
     ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
     ".usda": Format(encode_usd, beside=("_base_color.png", "_normal.png")),

@@ -17,6 +17,7 @@ from assets.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
 from exporters.binary import Binary
 from exporters.encoding import PLAIN, Encoding
 from exporters.file import File
+from exporters.glb_levels import add_levels
 from exporters.glb_motion import animations, morph_targets, rest_quaternions
 from exporters.quantize import EXTENSION, cube_around, directions, shares, whole_weights
 
@@ -58,6 +59,7 @@ def describe(
         add_skeleton(document, asset.skeleton, binary)
         add_morphs(document.meshes[0], asset, binary)
         document.animations = animations(asset, binary)
+    add_levels(document, asset, binary)
     if isinstance(asset, TexturedAsset):
         add_textures(document, asset, encoding, picture_uris, binary)
     document.accessors, document.bufferViews = binary.accessors, binary.views
@@ -136,13 +138,12 @@ def picture_files(asset: TexturedAsset, names: Sequence[str], encoding: Encoding
 
 
 def mesh_primitive(asset: PlainAsset, binary: Binary, encoding: Encoding) -> gltf.Primitive:
-    index_type = np.uint16 if len(asset.vertices) <= 65535 else np.uint32  # 65535 itself is reserved
     attributes = gltf.Attributes()
     for name, values in (whole_numbers if encoding.quantize else real_numbers)(asset).items():
         fractions = values.dtype.kind != "f" and name != "JOINTS_0"
         accessor = binary.add_array(values, gltf.ARRAY_BUFFER, name == "POSITION", normalized=fractions)
         setattr(attributes, name, accessor)
-    indices = binary.add_array(asset.faces.astype(index_type).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
+    indices = binary.add_indices(asset.faces, len(asset.vertices))
     return gltf.Primitive(attributes=attributes, indices=indices, material=0, mode=gltf.TRIANGLES)
 
 

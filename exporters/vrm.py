@@ -41,7 +41,7 @@ def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
     gap = float(asset.vertices[:, 1].min())
     if abs(gap) > LARGEST_GAP:
         raise InputError(f"vrm: the soles are at y = {gap:.2f} m, wanted 0; build with on_ground=True")
-    document, data = glb.describe(replace(asset, animations=()), encoding)
+    document, data = glb.describe(replace(asset, animations=(), levels=()), encoding)
     (mesh_node,) = (i for i, node in enumerate(document.nodes) if node.mesh is not None)
     document.extensionsUsed = ["VRMC_vrm"]
     document.extensions = {

@@ -178,6 +178,46 @@ def test_python_does_what_the_command_does(model: Model) -> None:
     assert Path("python.glb").read_bytes() == Path("command.glb").read_bytes()
 
 
+def test_levels_of_detail_in_one_flawless_file(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
+    path, report = Path("levels.glb"), Path("levels.json")
+    options = [option for option in model.options if option not in ("--faces", "2000")]
+    arguments = ["--seed", "3", *options, "--lods", "2000,800,300", "--morphs", "--out", str(path)]
+    assert avatar_export.main([*arguments, "--report", str(report)]) == 0
+    capsys.readouterr()
+    document = pygltflib.GLTF2().load(str(path))
+    assert document is not None
+    counts = [document.accessors[mesh.primitives[0].indices].count // 3 for mesh in document.meshes]
+
+    assert counts == pytest.approx([2000, 800, 300], rel=0.02)
+    facts = json.loads(report.read_text())
+    assert [level["faces"] for level in facts["levels"]] == counts[1:]
+    means = [facts["error_mm"]["mean"], *(level["error_mm"]["mean"] for level in facts["levels"])]
+    assert means == sorted(means)
+    issues = khronos_issues(path)
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--lods", "300,2000"], "falling numbers"),
+        (["--lods", "2000,50"], "falling numbers"),
+        (["--lods", "2000,x"], "falling numbers"),
+        (["--lods", "2000,300"], "leave out --faces"),
+        (["--lods", "2000,300", "--format", "usdz"], "one level of detail"),
+    ],
+)
+def test_levels_that_cannot_be(
+    model: Model, capsys: pytest.CaptureFixture[str], options: list[str], said: str
+) -> None:
+    kept = ("--weights", "--body") if said != "leave out --faces" else ("--weights", "--body", "--faces")
+    pairs = zip(model.options[::2], model.options[1::2], strict=True)
+    given = [part for name, value in pairs if name in kept for part in (name, value)]
+    assert avatar_export.main(["--seed", "3", *given, *options]) == 2
+    assert said in capsys.readouterr().err
+    assert not list(Path().glob("avatar_3*"))
+
+
 def test_clips_motion_files_names_and_sliders(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
     poses = np.zeros((40, 156))
     poses[:, 0] = np.pi / 2

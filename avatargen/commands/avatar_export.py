@@ -14,6 +14,7 @@ from avatargen.atomic import check_writable
 from avatargen.commands.line import (
     LARGEST_SEED,
     OneLineParser,
+    falling_numbers,
     positive_number,
     quantity,
     run_command,
@@ -42,6 +43,7 @@ examples:
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
+  avatar-export --seed 3 --lods 40000,20000,5000,1000
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
 """
 
@@ -125,9 +127,15 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     )
     shape.add_argument(
         "--faces",
-        type=whole_number(100, 2_000_000),
+        type=whole_number(FEWEST_FACES, MOST_FACES),
         metavar="N",
         help=f"triangles wanted, kept within 2 %% (default: {SCENES[DEFAULT].faces}, or by --scene)",
+    )
+    shape.add_argument(
+        "--lods",
+        type=falling_numbers,
+        metavar="N,N,..",
+        help="instead of --faces: triangles of each level of detail, finest first, all in one .glb or .gltf",
     )
     shape.add_argument(
         "--texture",
@@ -174,10 +182,12 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     parser.add_argument("--version", action="version", version=f"avatargen {__version__}")
     given = parser.parse_args(arguments)
     chosen = [name for name in ("tolerance", "budget") if getattr(given, name) is not None]
-    fixed = [name for name in ("resolution", "faces") if getattr(given, name) is not None]
+    fixed = [name for name in ("resolution", "faces", "lods") if getattr(given, name) is not None]
     if len(chosen) > 1 or (chosen and fixed):
         names = " and ".join(f"--{name}" for name in [*chosen, *fixed])
         raise InputError(f"found {names}; --tolerance and --budget choose, so give one of them alone")
+    if given.lods is not None and given.faces is not None:
+        raise InputError("found --faces and --lods, whose first number is that of faces; leave out --faces")
     return given
 
 

@@ -10,15 +10,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import torch
 
 import avatargen
-from assets import Asset, BuildConfig, PlainAsset, animate, build_content
+from assets import Asset, BuildConfig, PlainAsset, animate, build_content, with_levels
 from assets.asset import Report
 from assets.bones import add_ends, aim_bones
 from assets.joints import body_on
+from assets.measure import MeasureConfig, surface_error
 from assets.names import rename_joints
 from assets.plan import CONTENTS, Content
+from assets.surface import compact
 from avatargen.atomic import check_writable, write_together
 from avatargen.avatar import Avatar, AvatarSampler
 from avatargen.body.pose import load_pose
@@ -34,12 +37,14 @@ from exporters.png import encode_png
 
 STARTED = time.perf_counter()
 DEFAULT_FACES = 20_000  # of a scene that keeps all, where charts are wanted after all
+LEVEL_MEASURE = MeasureConfig(samples=3_000)
 NAMED_POSES = ("x", "t", "a")
 # of the work, that lies behind when a stage begins
 SHARES = {
     "load": 0.15,
     "sample": 0.2,
     "build": 0.25,
+    "levels": 0.93,
     "animate": 0.94,
     "encode": 0.95,
     "preview": 0.97,
@@ -165,6 +170,9 @@ def make_avatar(workshop: Workshop, seed: int, clock: Clock) -> Made:
     report, motions = asset.report, ()
     assert report is not None  # only assets that were not built have none
     clock.seconds.update(report.seconds)
+    if given.lods is not None:
+        with clock.stage("levels"):
+            asset = with_levels(asset, given.lods[1:])
     if isinstance(asset, Asset):
         with clock.stage("animate"):
             motions = finish_motions(given, workshop.motions, asset)
@@ -208,6 +216,10 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
         raise InputError(
             f"found --pose {given.pose}, but this format rests in pose {wanted.rest_pose}; leave --pose out"
         )
+    if given.lods is not None:
+        if not wanted.levels:
+            raise InputError("found --lods, but this format holds one level of detail; choose glb or gltf")
+        options["faces"] = given.lods[0]
     options["pose"] = wanted.rest_pose or named
     options["morphs"] = given.morphs
     of_rig = given.clip or given.motion or given.morphs or given.ends or given.names != "smpl"
@@ -258,6 +270,7 @@ def make_report(
         "licence": asset.info.licence,
         "vertices": len(asset.vertices),
         "faces": len(asset.faces),
+        "levels": level_facts(made),
         "bytes": size,
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm, "max": error.max_mm},
@@ -279,6 +292,18 @@ def make_report(
             "device": given.device,
         },
     }
+
+
+def level_facts(made: Made) -> list[dict[str, object]]:
+    """Faces of each coarser level, and how far it is from the field."""
+    asset, facts = made.asset, []
+    for level in asset.levels:
+        assert asset.welded is not None and asset.canonical is not None  # every built asset has them
+        points = np.zeros((int(asset.welded.max()) + 1, 3))
+        points[asset.welded] = asset.canonical
+        error = surface_error(compact(points, asset.welded[level]), made.avatar.sdf, LEVEL_MEASURE)
+        facts.append({"faces": len(level), "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm}})
+    return facts
 
 
 def process_seconds() -> float:

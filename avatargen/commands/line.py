@@ -10,12 +10,14 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NoReturn
 
 from avatargen.errors import AvatarGenError, InputError
 
 LARGEST_SEED = 2**63 - 1
 MOST_SEEDS = 1_000_000
+FEWEST_FACES, MOST_FACES = 100, 2_000_000
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -124,3 +126,16 @@ def quantity(unit: str) -> Callable[[str], float]:
         return value
 
     return read
+
+
+def falling_numbers(text: str) -> tuple[int, ...]:
+    """An argument type: whole numbers of 100 or more, each less than the one before."""
+    parts = text.replace(" ", "").split(",")
+    plain = all(part.isascii() and part.isdigit() and len(part) < 8 for part in parts)
+    sizes = tuple(int(part) for part in parts) if plain else (0,)
+    falling = all(a > b for a, b in pairwise(sizes))
+    if not falling or sizes[-1] < FEWEST_FACES or sizes[0] > MOST_FACES:
+        raise argparse.ArgumentTypeError(
+            f"found {text!r}, wanted falling numbers of {FEWEST_FACES} to {MOST_FACES}, as in 20000,5000,1000"
+        )
+    return sizes

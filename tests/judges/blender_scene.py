@@ -25,10 +25,9 @@ class Imported:
 def import_rigged(path: str) -> Imported:
     """Empty the scene and import the file. Raises ValueError unless it gives one armature and one skin."""
     import_file(path)
+    shown = set(bpy.context.view_layer.objects)  # coarser levels of detail lie outside the scene
     armatures = [o for o in bpy.data.objects if o.type == "ARMATURE"]
-    meshes = [
-        o for o in bpy.data.objects if o.type == "MESH" and any(m.type == "ARMATURE" for m in o.modifiers)
-    ]
+    meshes = [o for o in shown if o.type == "MESH" and any(m.type == "ARMATURE" for m in o.modifiers)]
     for stray in [o for o in bpy.data.objects if o.type == "MESH" and o not in meshes]:
         bpy.data.objects.remove(stray)  # the importer's own bone shape, an icosphere
     if len(armatures) != 1 or len(meshes) != 1:

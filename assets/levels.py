@@ -1,0 +1,260 @@
+"""Levels of detail of a finished asset: ever fewer faces on the vertices that it has, so that all levels
+share one texture and one skeleton.
+
+Half-edge collapses by quadrics (Garland and Heckbert 1997), many at once (`assets.collapse`). A vertex on a
+seam of the texture goes along the seam, both sides together, so that every level is closed once welded. Where
+several seams meet and a chart does not reach the vertex that is kept, that chart's corner keeps its place in
+the texture and gets a vertex of its own.
+
+Letters: V welded vertices, W vertices (seams split), F faces, E directed edges, N candidates, K corners that
+they would move.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from assets.asset import Asset, PlainAsset, TexturedAsset
+from assets.collapse import apart, changed_corners, links_hold, replaced, standing
+from assets.errors import GeometryError
+from assets.surface import corner_angles, directed_edges, opposite_edges
+from avatargen.errors import InputError
+
+AnyAsset = TypeVar("AnyAsset", bound=PlainAsset)
+FEWEST_FACES = 100
+SEAM_WEIGHT = 0.5  # of a seam's own path against the surface, in the quadrics
+SLIDE = 0.01  # cost of sliding the texture along an edge, against moving the surface as far
+LARGEST_TURN = 0.2  # cosine of the angle a face may turn by
+THINNEST = 1.0  # degrees that a changed face's smallest angle may fall to
+EARLY = 0.15  # share of the candidates, cheapest first, that a round looks at
+
+
+@dataclass
+class Shrinking:
+    """A mesh while it loses faces: welded and split corners of the same faces."""
+
+    points: Float64[np.ndarray, "V 3"]
+    quadrics: Float64[np.ndarray, "V 4 4"]  # summed squared distance to planes, square metres times area
+    faces: Int64[np.ndarray, "F 3"]
+    split: Int64[np.ndarray, "F 3"]
+    uv: Float64[np.ndarray, "W 2"] | None
+    source: Int64[np.ndarray, " W"]  # the asset's vertex that has this one's place, normal and weights
+
+
+def with_levels(asset: AnyAsset, faces: Sequence[int]) -> AnyAsset:
+    """The asset with coarser levels of the given numbers of faces; the asset's own faces are the finest.
+
+    Where seams cross, vertices are added at the end that only coarser levels use.
+
+    Raises:
+        InputError: numbers that do not fall, or too few or more faces than there are.
+        GeometryError: the surface cannot be kept closed with so few faces.
+    """
+    check_falling(len(asset.faces), faces)
+    mesh = begin(asset)
+    levels = []
+    for target in faces:
+        while len(mesh.faces) - target > 1:
+            if not shrink(mesh, target):
+                raise GeometryError(
+                    f"levels: no collapse is left at {len(mesh.faces)} faces, wanted {target}; ask for more"
+                )
+        levels.append(mesh.split.copy())
+    return extended(asset, mesh, tuple(levels))
+
+
+def check_falling(finest: int, faces: Sequence[int]) -> None:
+    """Raises InputError unless each level has fewer faces than the one before."""
+    sizes = [finest, *faces]
+    if sizes[-1] < FEWEST_FACES or any(a <= b for a, b in pairwise(sizes)):
+        listed = ", ".join(map(str, faces))
+        raise InputError(
+            f"levels: found {listed} under a mesh of {finest} faces; "
+            f"give falling numbers, {FEWEST_FACES} or more"
+        )
+
+
+def begin(asset: PlainAsset) -> Shrinking:
+    """The finest level, ready to lose faces."""
+    welded = np.arange(len(asset.vertices)) if asset.welded is None else asset.welded
+    points = np.zeros((int(welded.max()) + 1, 3))
+    points[welded] = asset.vertices
+    mesh = Shrinking(
+        points=points,
+        quadrics=np.zeros((len(points), 4, 4)),
+        faces=welded[asset.faces],
+        split=asset.faces.copy(),
+        uv=asset.uv.astype(np.float64) if isinstance(asset, TexturedAsset) else None,
+        source=np.arange(len(asset.vertices)),
+    )
+    if (opposite_edges(mesh.faces, len(points)) < 0).any():
+        raise GeometryError("levels: the finest level is not closed once welded; export it again")
+    add_quadrics(mesh)
+    return mesh
+
+
+def add_quadrics(mesh: Shrinking) -> None:
+    """Planes of the faces, weighted by area; and upright ones along seams, which hold the seams' path."""
+    corners = mesh.points[mesh.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    unit = normal / np.maximum(area, 1e-300)[:, None]
+    for corner in range(3):
+        np.add.at(mesh.quadrics, mesh.faces[:, corner], plane(corners[:, 0], unit, area / 6))
+    edges, split = directed_edges(mesh.faces), directed_edges(mesh.split)
+    twin = opposite_edges(mesh.faces, len(mesh.points))
+    seam = (split != split[twin][:, ::-1]).any(axis=1)
+    along = mesh.points[edges[seam, 1]] - mesh.points[edges[seam, 0]]
+    upright = np.cross(along, unit[np.flatnonzero(seam) // 3])
+    length = np.linalg.norm(upright, axis=1)
+    fins = plane(
+        mesh.points[edges[seam, 0]],
+        upright / np.maximum(length, 1e-300)[:, None],
+        SEAM_WEIGHT * length**2 / 6,
+    )
+    for end in range(2):
+        np.add.at(mesh.quadrics, edges[seam, end], fins)
+
+
+def plane(
+    points: Float64[np.ndarray, "N 3"], normals: Float64[np.ndarray, "N 3"], weight: Float64[np.ndarray, " N"]
+) -> Float64[np.ndarray, "N 4 4"]:
+    """Quadrics of the squared distance to planes."""
+    full = np.concatenate([normals, -np.einsum("nd,nd->n", points, normals)[:, None]], axis=1)
+    return weight[:, None, None] * full[:, :, None] * full[:, None, :]
+
+
+def shrink(mesh: Shrinking, target: int) -> bool:
+    """One round of collapses that do not touch one another; False if none is possible."""
+    twin = opposite_edges(mesh.faces, len(mesh.points))
+    edges, split = directed_edges(mesh.faces), directed_edges(mesh.split)
+    cost = collapse_costs(mesh, edges, split, twin)
+    order = np.argsort(cost, kind="stable")
+    order = order[np.isfinite(cost[order])]
+    for looked_at in (order[: int(EARLY * len(order))], order):
+        allowed = looked_at[permitted(mesh, edges[looked_at], split[looked_at], split[twin[looked_at]])]
+        chosen = allowed[apart(mesh.faces, len(mesh.points), edges[allowed], cost[allowed])]
+        chosen = chosen[: (len(mesh.faces) - target) // 2]
+        if len(chosen):
+            collapse(mesh, edges[chosen], split[chosen], split[twin[chosen]])
+            return True
+    return False
+
+
+def collapse_costs(
+    mesh: Shrinking,
+    edges: Int64[np.ndarray, "E 2"],
+    split: Int64[np.ndarray, "E 2"],
+    twin: Int64[np.ndarray, " E"],
+) -> Float64[np.ndarray, " E"]:
+    """How much each directed edge's collapse would change; infinite where its two sides disagree."""
+    start, end = edges.T
+    place = np.concatenate([mesh.points[end], np.ones((len(end), 1))], axis=1)
+    moved = np.einsum("ei,eij,ej->e", place, mesh.quadrics[start] + mesh.quadrics[end], place)
+    pairs = np.unique(mesh.faces.reshape(-1) * len(mesh.source) + mesh.split.reshape(-1))
+    corners = np.bincount(pairs // len(mesh.source), minlength=len(mesh.points))
+    other = split[twin][:, ::-1]  # the same vertices, as the other side names them
+    apart_at = split != other
+    slid = corners[start] - 1 - apart_at[:, 0]
+    length = ((mesh.points[end] - mesh.points[start]) ** 2).sum(axis=1)
+    size = np.trace(mesh.quadrics[:, :3, :3], axis1=1, axis2=2)[start]
+    cost = moved + SLIDE * slid * length * size
+    return np.where(apart_at[:, 0] == apart_at[:, 1], np.maximum(cost, 0), np.inf)
+
+
+def new_corners(
+    mesh: Shrinking,
+    edges: Int64[np.ndarray, "N 2"],
+    split: Int64[np.ndarray, "N 2"],
+    other: Int64[np.ndarray, "N 2"],
+) -> tuple[Int64[np.ndarray, " K"], Int64[np.ndarray, " K"], Int64[np.ndarray, " K"]]:
+    """Candidate, corner and the split vertex it would get: -1 where its chart does not reach the kept vertex.
+
+    `split` names an edge's ends on its own side, `other` those of the opposite edge.
+    """
+    candidate, corner = changed_corners(mesh.faces, edges)
+    now = mesh.split.reshape(-1)[corner]
+    here, there = split[candidate], other[candidate]
+    becomes = np.where(now == here[:, 0], here[:, 1], np.where(now == there[:, 1], there[:, 0], -1))
+    return candidate, corner, becomes
+
+
+def permitted(
+    mesh: Shrinking,
+    edges: Int64[np.ndarray, "N 2"],
+    split: Int64[np.ndarray, "N 2"],
+    other: Int64[np.ndarray, "N 2"],
+) -> Bool[np.ndarray, " N"]:
+    """Collapses after which the surface is closed and no face has turned over, in space or in the texture."""
+    candidate, corner, becomes = new_corners(mesh, edges, split, other)
+    before = mesh.points[mesh.faces[corner // 3]]
+    after = mesh.points[replaced(mesh.faces, corner, edges[candidate, 1])]
+    was, normal = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (before, after))
+    size = np.linalg.norm(was, axis=1) * np.linalg.norm(normal, axis=1)
+    bad = np.einsum("kd,kd->k", was, normal) <= LARGEST_TURN * size
+    narrow, narrower = (np.degrees(corner_angles(p).min(axis=1)) for p in (before, after))
+    bad |= (narrower < THINNEST) & (narrower < narrow)
+    if mesh.uv is not None:
+        stays = np.where(becomes < 0, mesh.split.reshape(-1)[corner], becomes)
+        old, new = (
+            signed_areas(mesh.uv[mesh.split[corner // 3]]),
+            signed_areas(mesh.uv[replaced(mesh.split, corner, stays)]),
+        )
+        bad |= (old * new <= 0) & (old != 0)
+    spoilt = np.bincount(candidate, bad, minlength=len(edges)) > 0
+    return links_hold(mesh.faces, len(mesh.points), edges) & ~spoilt
+
+
+def signed_areas(uv: Float64[np.ndarray, "K 3 2"]) -> Float64[np.ndarray, " K"]:
+    """Twice the area of triangles in the texture, negative where they are mirrored."""
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def collapse(
+    mesh: Shrinking,
+    edges: Int64[np.ndarray, "N 2"],
+    split: Int64[np.ndarray, "N 2"],
+    other: Int64[np.ndarray, "N 2"],
+) -> None:
+    """Do all of them: they do not touch one another."""
+    candidate, corner, becomes = new_corners(mesh, edges, split, other)
+    slides = np.flatnonzero(becomes < 0)
+    slid, first, place = np.unique(
+        mesh.split.reshape(-1)[corner[slides]], return_index=True, return_inverse=True
+    )
+    becomes[slides] = len(mesh.source) + place
+    mesh.source = np.concatenate([mesh.source, mesh.source[split[candidate[slides[first]], 1]]])
+    if mesh.uv is not None:
+        mesh.uv = np.concatenate([mesh.uv, mesh.uv[slid]])
+    flat = mesh.split.reshape(-1).copy()
+    flat[corner] = becomes
+    np.add.at(mesh.quadrics, edges[:, 1], mesh.quadrics[edges[:, 0]])
+    into = np.arange(len(mesh.points))
+    into[edges[:, 0]] = edges[:, 1]
+    faces = into[mesh.faces]
+    left = standing(faces)
+    mesh.faces, mesh.split = faces[left], flat.reshape(-1, 3)[left]
+
+
+def extended(asset: AnyAsset, mesh: Shrinking, levels: tuple[np.ndarray, ...]) -> AnyAsset:
+    """The asset with its levels and the vertices that they add, as far as a level names them."""
+    first = len(asset.vertices)
+    named = np.unique(np.concatenate([level.reshape(-1) for level in levels]))
+    added = named[named >= first]
+    number = np.concatenate([np.arange(first), np.zeros(len(mesh.source) - first, dtype=np.int64)])
+    number[added] = first + np.arange(len(added))
+    rows = mesh.source[np.concatenate([np.arange(first), added])]
+    changes: dict[str, object] = {"levels": tuple(number[level] for level in levels)}
+    for name in ("vertices", "normals", "welded", "canonical", "joints", "weights"):
+        if getattr(asset, name, None) is not None:
+            changes[name] = getattr(asset, name)[rows]
+    if isinstance(asset, TexturedAsset) and mesh.uv is not None:
+        changes["uv"] = np.concatenate([asset.uv, mesh.uv[added].astype(np.float32)])
+    if isinstance(asset, Asset):
+        changes["morphs"] = tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs)
+    return replace(asset, **changes)
