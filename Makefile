@@ -42,7 +42,7 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt | $(VENV)/bin/python
 	touch $@
 
 $(VENV)/dev.stamp: $(VENV)/run.stamp
-	$(PIP) install -c constraints.txt --no-build-isolation -e '.[dev,train,view]'
+	$(PIP) install -c constraints.txt --no-build-isolation -e '.[dev,film,train,view]'
 	touch $@
 
 $(JUDGES)/node_modules/judges.stamp: $(JUDGES)/package.json $(JUDGES)/package-lock.json | $(VENV)/run.stamp

@@ -6,6 +6,7 @@ where the flesh of the last bones ends. Letters: J joints, E ends, T frames, W v
 """
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
@@ -15,6 +16,7 @@ from assets.asset import Asset
 from assets.rig import Animation, Skeleton
 from avatargen.motion.motion import continuous
 
+Bones = Literal["along", "world"]
 SHORTEST = 1e-3  # metres of a bone that has a direction
 FORWARD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 ALONG_FORWARD = 0.85  # cosine: a bone that points forward more than this has its z axis up instead

@@ -21,6 +21,7 @@ from assets.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAsset
 from assets.atlas import Atlas, AtlasConfig, unwrap
 from assets.attach import Attachment, attach
 from assets.bake import BakeConfig, Texture, bake_texture
+from assets.bones import Bones, add_ends, aim_bones
 from assets.clean import Cleaning, tidy
 from assets.extract import ExtractConfig, Extraction, trace
 from assets.fit import fit
@@ -79,6 +80,8 @@ class BuildConfig:
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
     head_detail: float = 2.0  # texels along a line on the head for one on the body
     normal_map: int | None = None  # texels along a side of the field's own normals; None: none
+    bones: Bones = "along"  # joints' frames have +y along their bones; world: they are the world's
+    ends: bool = False  # a joint that moves nothing where each last bone ends
     morphs: bool = False  # a slider for each of the body's shape directions
     on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it
 
@@ -218,7 +221,9 @@ def rig(
         ),
         morphs=make_morphs(avatar, shape, atlas, config) if config.morphs else (),
     )
-    return drop_idle_joints(asset) if config.joints == "moving" else asset
+    asset = drop_idle_joints(asset) if config.joints == "moving" else asset
+    asset = add_ends(asset) if config.ends else asset
+    return aim_bones(asset) if config.bones == "along" else asset
 
 
 def make_morphs(avatar: AvatarFields, shape: Shape, atlas: Atlas, config: BuildConfig) -> tuple[Morph, ...]:

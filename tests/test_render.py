@@ -1,7 +1,9 @@
 """The command that draws: from a file and from a seed, posed, turning; bad input is one line and no file."""
 
+import itertools
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -30,8 +32,6 @@ def in_a_folder_with_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def named_tube(joint_names: tuple[str, ...]) -> assets.Asset:
-    from dataclasses import replace
-
     asset = tube(joint_count=len(joint_names))
     return replace(asset, skeleton=replace(asset.skeleton, joint_names=joint_names))
 
@@ -54,6 +54,21 @@ def test_a_pose_bends_the_figure() -> None:
     straight, walking, bowed = (Image.open(f"{number}.png").width for number in range(3))
     assert straight == walking  # a figure without legs and arms walks on the spot
     assert bowed > 1.5 * straight
+
+
+def test_a_clip_becomes_a_film_on_the_spot(capsys: pytest.CaptureFixture[str]) -> None:
+    from tests.figure import figure
+
+    export(replace(figure(), animations=()), "b.glb")
+    assert main(["b.glb", "--clip", "walk", "--fps", "5", "--views", "left", *SMALL]) == 0
+    assert capsys.readouterr().out.split() == ["b_walk.webp"]
+    film = Image.open("b_walk.webp")
+    assert film.n_frames == 5  # pyright: ignore[reportAttributeAccessIssue]
+    seen = []
+    for frame in range(5):
+        film.seek(frame)
+        seen.append(np.asarray(film.convert("RGB")).astype(int))
+    assert all(np.abs(one - other).max() > 40 for one, other in itertools.pairwise(seen))
 
 
 def test_a_seed_is_built_in_the_rest_pose(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,7 +95,10 @@ def test_a_seed_is_built_in_the_rest_pose(monkeypatch: pytest.MonkeyPatch) -> No
         (["none.glb"], "found 'none.glb', which is no seed and no .glb file"),
         (["99999999999999999999"], "no seed"),
         (["a.glb", "--out", "a.jpg"], "give a name that ends in .png"),
-        (["a.glb", "--turntable", "a.mp4"], "give a name that ends in .gif or .webp"),
+        (["a.glb", "--turntable", "a.avi"], "give a name that ends in .gif or .mp4 or .webp"),
+        (["a.glb", "--clip", "walk", "--out", "a.png"], "give a name that ends in .gif or .mp4 or .webp"),
+        (["a.glb", "--clip", "walk", "--pose", "sit"], "found --clip and --pose"),
+        (["a.glb", "--clip", "walk"], "the body has no joint"),
         (["a.glb", "--turntable", "none/a.gif"], "cannot write none/a.gif"),
         (["a.glb", "--views", "top"], "no view is named top"),
         (["a.glb", "--pose", "moonwalk"], "no pose is named 'moonwalk'"),

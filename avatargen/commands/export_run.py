@@ -16,7 +16,6 @@ import torch
 import avatargen
 from assets import Asset, BuildConfig, PlainAsset, animate, build_content, with_levels
 from assets.asset import Report
-from assets.bones import add_ends, aim_bones
 from assets.joints import body_on
 from assets.measure import MeasureConfig, surface_error
 from assets.names import rename_joints
@@ -176,15 +175,8 @@ def make_avatar(workshop: Workshop, seed: int, clock: Clock) -> Made:
     if isinstance(asset, Asset):
         with clock.stage("animate"):
             motions = finish_motions(given, workshop.motions, asset)
-            asset = animate(with_bones(asset, given), motions, settings.on_ground)
-            asset = rename_joints(asset, given.names)
+            asset = rename_joints(animate(asset, motions, settings.on_ground), given.names)
     return Made(asset=asset, report=report, settings=settings, motions=motions, avatar=avatar, fit=fit)
-
-
-def with_bones(asset: Asset, given: Namespace) -> Asset:
-    """The asset with the joints' frames and the end joints that the options want."""
-    asset = add_ends(asset) if given.ends else asset
-    return aim_bones(asset) if given.bones == "along" else asset
 
 
 def require_device(name: str) -> None:
@@ -221,7 +213,7 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
             raise InputError("found --lods, but this format holds one level of detail; choose glb or gltf")
         options["faces"] = given.lods[0]
     options["pose"] = wanted.rest_pose or named
-    options["morphs"] = given.morphs
+    options |= {"morphs": given.morphs, "bones": given.bones, "ends": given.ends}
     of_rig = given.clip or given.motion or given.morphs or given.ends or given.names != "smpl"
     if content != "rigged" and of_rig:
         raise InputError(
