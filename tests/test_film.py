@@ -51,7 +51,7 @@ def test_an_mp4_plays_what_was_put_in(size: tuple[int, int]):
     for step, picture in enumerate(given):
         picture[8:16, 4 + 6 * step : 12 + 6 * step] = (240, 180, 60)
     made = FILMS[".mp4"](given, 2.0)
-    with av.open(io.BytesIO(made)) as film:
+    with av.open(io.BytesIO(made), "r") as film:
         video = film.streams.video[0]
         assert (video.codec_context.name, video.pix_fmt) == ("h264", "yuv420p")
         decoded = list(film.decode(video))

@@ -73,7 +73,7 @@ def test_a_hand_turns_like_its_fingers_together_in_smpl_x() -> None:
     fewer = without_fingers(full)
     assert fewer.joint_names == SMPL_JOINT_NAMES and without_fingers(fewer) is fewer
     matrices = np.random.default_rng(1).normal(size=(24, 9))
-    hand = dict(zip(SMPL_JOINT_NAMES, matrices, strict=True))
+    hand: dict[str, np.ndarray] = dict(zip(SMPL_JOINT_NAMES, matrices, strict=True))
     each = {name: hand.get(name, np.zeros(9)) for name in SMPLX_JOINT_NAMES}
     each |= {f"{s}_{f}1": hand[f"{s}_hand"] for s in ("left", "right") for f in FINGERS[:4]}
     assert full.posedirs is not None and fewer.posedirs is not None

@@ -122,11 +122,13 @@ def test_a_clip_plays_on_the_spot_in_any_colours(page: Page, clip: str) -> None:
     seen = page.colored(page.shape, person)
     assert isinstance(seen, Asset) and seen.animations == page.shape.animations
     name, data = page.file()
-    (told,) = GLTF2.load_from_bytes(data).animations
+    document = GLTF2.load_from_bytes(data)
+    assert document is not None
+    (told,) = document.animations
     assert (name, told.name) == ("avatar_3.glb", clip)
     page.clip.value = STILL
     settle(page)
-    assert page.shape.animations == () and not page.wireframe.disabled
+    assert page.shape is not None and page.shape.animations == () and not page.wireframe.disabled
 
 
 def test_every_surface_is_a_file_with_its_own_colours(page: Page) -> None:
