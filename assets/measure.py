@@ -13,8 +13,7 @@ DOUBTFUL = 0.001  # metres beyond which a zero found along the gradient may not 
 LOST = 0.2  # share of the field's value that may be left after the steps
 NEAR_ZERO = 2e-6  # metres from zero that count as there
 SHORTEST, FARTHEST, SHELLS, HALVINGS = 5e-5, 0.05, 16, 5  # metres and numbers, of the search all around
-AROUND = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
-AROUND /= np.linalg.norm(AROUND, axis=1, keepdims=True)
+AROUND = np.array([np.array(d) / np.linalg.norm(d) for d in product((-1, 0, 1), repeat=3) if any(d)])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from avatargen.body.closest import ClosestPoints
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import canonical_body
 from avatargen.errors import FieldError, InputError
@@ -70,7 +71,32 @@ def test_order_does_not_matter():
     whole = distance.query(points)
     parts = [distance.query(part) for part in np.array_split(points, 9)]
 
-    assert np.array_equal(whole.distance, np.concatenate([part.distance for part in parts]))
+    for name in ("distance", "face", "barycentric"):
+        assert np.array_equal(getattr(whole, name), np.concatenate([getattr(part, name) for part in parts]))
+
+
+def test_threads_do_not_show(monkeypatch: pytest.MonkeyPatch):
+    """On a symmetric shape many points are as near to one face as to another."""
+    mesh = MESHES["box"]
+    distance = BodyDistance(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64))
+    points = np.round(np.random.default_rng(5).uniform(-0.3, 0.3, size=(50_000, 3)), 1)
+    hits = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        hits.append(distance.query(points))
+    assert np.array_equal(hits[0].face, hits[1].face)
+    assert np.array_equal(hits[0].barycentric, hits[1].barycentric)
+
+
+def test_as_exact_as_libigl():
+    body = canonical_body(capsule_body())
+    vertices = body.vertices.astype(np.float64)
+    points = np.random.default_rng(6).uniform(-0.8, 1.5, size=(20_000, 3))
+    tree = igl.AABB()
+    tree.init(vertices, body.faces)
+    squared = np.asarray(tree.squared_distance(vertices, body.faces, points)[0])
+    found = ClosestPoints(vertices, body.faces).query(points)[0]
+    assert np.abs(np.sqrt(found) - np.sqrt(squared)).max() < 1e-12
 
 
 def test_a_point_on_a_vertex_is_at_zero():
