@@ -26,7 +26,7 @@ from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import GeneratorConfig, PlanesConfig, body_hash
-from avatargen.generator.decoder import BodyPoints, body_points, fit_reach, interpolate
+from avatargen.generator.decoder import BodyPoints, PartLayers, body_points, fit_reach, interpolate
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.planes import lookup_bilinear, plane_table
 
@@ -48,12 +48,13 @@ class AvatarInfo:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PersonField:
-    """One person's field: its planes, cached as a table, on the shared body."""
+    """One person's field: its planes, cached as a table, and its own layers, on the shared body."""
 
     generator: AvatarGenerator
     distance: BodyDistance
     w: Float[Tensor, "1 D"]
     table: Float[Tensor, "T C"]
+    layers: tuple[PartLayers, ...]
     offset: Float[Tensor, "3"]  # metres from a point to where the generator's own body has it
 
     def ask(
@@ -64,7 +65,7 @@ class PersonField:
         generator = self.generator
         features = lookup_bilinear(self.table, generator.frame(points))
         x = generator.decoder.inputs(features[None], generator.frame.centered(points)[None], body)
-        return generator.decoder(x, points[None], self.w, heads)
+        return generator.decoder(x, points[None], self.layers, heads)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,6 +173,7 @@ class AvatarSampler:
                 distance=self.distance,
                 w=w,
                 table=plane_table(self.generator.planes(w))[0].contiguous(),
+                layers=self.generator.decoder.layers_of(w),
                 offset=self.offset,
             ),
         )

@@ -5,7 +5,7 @@ import torch
 
 from avatargen.errors import InputError
 from avatargen.generator.config import PRESETS
-from avatargen.generator.decoder import Decoder, PartNetwork, ask, attach_gradient, encode, interpolate
+from avatargen.generator.decoder import Decoder, PartNetwork, attach_gradient, encode, interpolate
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.parts import Parts
 from tests.generators import capsule_canonical, debug_config, points_near_body, random_generator
@@ -61,16 +61,15 @@ def test_layers_of_ones_own_are_a_switch():
 def test_parts_are_blended_by_their_shares():
     decoder = random_generator(parts=PARTS).double().decoder
     points = torch.rand(2, 400, 3, dtype=torch.float64) * 2 - 1
-    x, w = (
-        torch.randn(2, 400, 83, dtype=torch.float64)[..., : inputs_of(decoder)],
-        torch.randn(2, 32).double(),
-    )
+    x = torch.randn(2, 400, inputs_of(decoder), dtype=torch.float64)
+    layers = decoder.layers_of(torch.randn(2, 32).double())
     assert decoder.shares is not None
     share = decoder.shares(points)
-    every = torch.stack([ask(network, x, w, "both") for network in decoder.networks], dim=-2)
+    asked = zip(decoder.networks, layers, strict=True)
+    every = torch.stack([network(x, own, "both") for network, own in asked], dim=-2)
     assert ((share > 0).sum(dim=-1) > 1).any()
-    assert torch.allclose(decoder(x, points, w), (every * share[..., None]).sum(dim=-2), atol=1e-12)
-    assert decoder(x[:, :0], points[:, :0], w).shape == (2, 0, 2 + decoder.config.features)
+    assert torch.allclose(decoder(x, points, layers), (every * share[..., None]).sum(dim=-2), atol=1e-12)
+    assert decoder(x[:, :0], points[:, :0], layers).shape == (2, 0, 2 + decoder.config.features)
 
 
 def inputs_of(decoder: Decoder) -> int:

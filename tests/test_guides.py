@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from avatargen.avatar import shipped
+from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.pose import load_pose
 from avatargen.commands import avatar_export
 from avatargen.commands.export_run import build_settings
@@ -44,7 +45,7 @@ def test_python_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.Monk
     if name == "python.md":
         assert {"person.glb", "person.usdz", "person.stl", "walking.glb", "person.png"} <= set(os.listdir())
     if name == "own_data.md":
-        assert load_pose("pose.npz", 24)[16, 2] == 1
+        assert load_pose("pose.npz", JOINT_NAMES[24])[16, 2] == 1
         motion = load_motion("wave.npz")
         np.testing.assert_allclose(motion.rotations[0, 0], [0, 0, 0, 1], atol=1e-9)  # upright
         assert motion.seconds == pytest.approx(29 / 30)

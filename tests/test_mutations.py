@@ -14,12 +14,14 @@ import pytest
 import torch
 from PIL import Image
 
+from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.load import load_body, save_body
 from avatargen.body.pose import load_pose
 from avatargen.commands.choose import load_curves
 from avatargen.commands.manifest import NAME, Row, open_manifest
 from avatargen.data import synth
 from avatargen.data.dataset import open_pictures
+from avatargen.data.folder import claim
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels
 from avatargen.generator.checkpoint import load_checkpoint, save_checkpoint
 from avatargen.motion.amass import load_motion
@@ -75,7 +77,7 @@ def test_poses(folder: Path) -> None:
     files = itertools.chain(
         mutations(whole, bytes_changed, npz_changed), [bomb("poses", (13_000_000, 3), "|u1")]
     )
-    check(*assault(lambda path: load_pose(path, 24), folder / "pose.npz", files))
+    check(*assault(lambda path: load_pose(path, JOINT_NAMES[24]), folder / "pose.npz", files))
 
 
 def test_motions(folder: Path) -> None:
@@ -226,10 +228,8 @@ def test_configurations(folder: Path) -> None:
     def of_a_run(path: Path) -> None:
         adversarial_state.claim(path.parent, settings)
 
-    config = synth.SynthConfig()
-
     def of_a_data_set(path: Path) -> None:
-        synth.claim(path.parent, config)
+        claim(path.parent, synth.SETTINGS_FILE, {"people": 3}, "data synth")
 
     for name, read in (("config.json", of_a_run), (synth.SETTINGS_FILE, of_a_data_set)):
         place = folder / read.__name__ / name

@@ -12,7 +12,9 @@ from pathlib import Path
 from avatargen import __version__
 from avatargen.atomic import check_writable
 from avatargen.commands.line import (
+    FEWEST_FACES,
     LARGEST_SEED,
+    MOST_FACES,
     OneLineParser,
     falling_numbers,
     positive_number,

@@ -60,9 +60,21 @@ def attach_gradient(
     return BodyPoints(distance=body.distance + step, vertices=body.vertices, barycentric=body.barycentric)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Matrix:
+    """A linear layer as people have it: each their own, or, without a leading B, one for all."""
+
+    weight: Float[Tensor, "*B i o"]
+    bias: Float[Tensor, "*B 1 o"]
+
+    def __call__(self, x: Float[Tensor, "B N i"]) -> Float[Tensor, "B N o"]:
+        if self.weight.ndim == 2:
+            return x @ self.weight + self.bias
+        return torch.baddbmm(self.bias, x, self.weight)
+
+
 class PersonalLinear(nn.Module):
-    """Linear layer to whose weights and biases each person adds their own, made from a code; a batch runs as
-    one matrix product each.
+    """Linear layer to whose weights and biases each person adds their own, made from a code.
 
     What a code adds starts at zero. Without a code the layer is the same for all.
     """
@@ -75,11 +87,21 @@ class PersonalLinear(nn.Module):
         self.gain = 1 / math.sqrt(inputs)
         self.own = EqualLinear(code_size, (inputs + 1) * outputs, zero=True) if code_size else None
 
-    def forward(self, x: Float[Tensor, "B N i"], code: Float[Tensor, "B c"] | None) -> Float[Tensor, "B N o"]:
+    def forward(self, code: Float[Tensor, "B c"] | None) -> Matrix:
         if self.own is None or code is None:
-            return x @ (self.weight * self.gain) + self.bias
+            return Matrix(weight=self.weight * self.gain, bias=self.bias[None])
         own = self.own(code).unflatten(1, (-1, len(self.bias)))  # B i+1 o
-        return torch.baddbmm(self.bias + own[:, -1:], x, (self.weight + own[:, :-1]) * self.gain)
+        return Matrix(weight=(self.weight + own[:, :-1]) * self.gain, bias=self.bias + own[:, -1:])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartLayers:
+    """One part's network as people have it."""
+
+    hidden: tuple[Matrix, ...]
+    geometry: Matrix
+    picture: Matrix
+    palette: Float[Tensor, "B R 3"] | None  # the colour of each region, before the sigmoid
 
 
 class PartNetwork(nn.Module):
@@ -100,38 +122,48 @@ class PartNetwork(nn.Module):
         if config.regions:
             self.palette = EqualLinear(w_size, 3 * config.regions)
 
-    def hidden(self, x: Float[Tensor, "B N I"], code: Float[Tensor, "B c"] | None) -> Float[Tensor, "B N H"]:
-        for layer in self.layers:
-            x = layer(x, code)
+    def layers_of(self, w: Float[Tensor, "B D"]) -> PartLayers:
+        """The layers of people."""
+        code = None if self.code is None else self.code(w)
+        regions = self.config.regions
+        return PartLayers(
+            hidden=tuple(layer(code) for layer in self.layers),
+            geometry=self.geometry(code),
+            picture=self.picture(code),
+            palette=self.palette(w).unflatten(1, (regions, 3)) if regions else None,
+        )
+
+    def forward(self, x: Float[Tensor, "B N I"], layers: PartLayers, heads: Heads) -> Float[Tensor, "B N O"]:
+        """The heads' outputs: `shape`'s two columns, `paint`'s, or both in this order."""
+        for layer in layers.hidden:
+            x = layer(x)
             x = leaky_relu(x) if self.config.activation == "leaky_relu" else F.softplus(x)
-        return x
+        if heads == "shape":
+            return self.shape(x, layers)
+        if heads == "picture":
+            return self.paint(x, layers)
+        return torch.cat([self.shape(x, layers), self.paint(x, layers)], dim=-1)
 
-    def code_of(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B c"] | None:
-        return None if self.code is None else self.code(w)
-
-    def shape(self, hidden: Float[Tensor, "B N H"], code: Float[Tensor, "B c"] | None) -> Tensor:
-        """[B N 2]: the residual, in metres and never past `residual_limit`; and the share of the body's
-        distance, within -1..1, that it takes back.
+    def shape(self, hidden: Float[Tensor, "B N H"], layers: PartLayers) -> Float[Tensor, "B N 2"]:
+        """The residual, in metres and never past `residual_limit`; and the share of the body's distance,
+        within -1..1, that it takes back.
         """
-        raw = self.geometry(hidden, code)
+        raw = layers.geometry(hidden)
         limit = self.config.residual_limit
         residual = limit * torch.tanh(raw[..., :1] * (self.config.residual_scale / limit))
         taken = torch.tanh(raw[..., 1:]) if self.config.gated else torch.zeros_like(residual)
         return torch.cat([residual, taken], dim=-1)
 
-    def paint(
-        self, hidden: Float[Tensor, "B N H"], w: Float[Tensor, "B D"], code: Float[Tensor, "B c"] | None
-    ) -> Float[Tensor, "B N K"]:
+    def paint(self, hidden: Float[Tensor, "B N H"], layers: PartLayers) -> Float[Tensor, "B N K"]:
         """Features; the first three are the colour: sRGB, 0..1 within `COLOR_MARGIN`.
 
         With regions, a steep softmax says which of the person's few colours a point has.
         """
-        raw = self.picture(hidden, code)
+        raw = layers.picture(hidden)
         features, regions = raw.split([self.config.features, self.config.regions], dim=-1)
         color, others = features[..., :3], features[..., 3:]
-        if self.config.regions:
-            palette = self.palette(w).unflatten(1, (self.config.regions, 3))
-            color = color + torch.softmax(REGION_GAIN * regions, dim=-1) @ palette
+        if layers.palette is not None:
+            color = color + torch.softmax(REGION_GAIN * regions, dim=-1) @ layers.palette
         color = torch.sigmoid(color) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
         return torch.cat([color, others], dim=-1)
 
@@ -180,33 +212,36 @@ class Decoder(nn.Module):
         inverse_reach = interpolate(self.inverse_reach[:, None], body)[..., 0]
         return interpolate(self.vertex_features, body) * fade(body.distance, inverse_reach)[..., None]
 
+    def layers_of(self, w: Float[Tensor, "B D"]) -> tuple[PartLayers, ...]:
+        """The layers of people, part by part; those who ask much of one person make them once."""
+        return tuple(network.layers_of(w) for network in self.networks)  # pyright: ignore[reportCallIssue]
+
     def forward(
         self,
         x: Float[Tensor, "B N I"],
         points: Float[Tensor, "B N 3"],
-        w: Float[Tensor, "B D"],
+        layers: tuple[PartLayers, ...],
         heads: Heads = "both",
     ) -> Float[Tensor, "B N O"]:
-        """The heads' outputs at canonical points: `shape`'s two columns, `paint`'s, or both in this order."""
-        if self.shares is None:
-            return ask(self.networks[0], x, w, heads)
-        shares = self.shares(points)
+        """The heads' outputs at canonical points, the parts' blended by the points' shares in them."""
         people, count, _ = x.shape
+        if self.shares is None or not count:
+            return self.networks[0](x, layers[0], heads)
+        shares = self.shares(points)
         first = torch.arange(people, device=x.device)[:, None] * count
         total = None
         for part, network in enumerate(self.networks):
-            some = int((shares[..., part] > 0).sum(dim=1).max()) if count else 0
+            some = int((shares[..., part] > 0).sum(dim=1).max())
             if not some:
                 continue
             share, index = shares[..., part].topk(some, dim=1, sorted=False)
             rows = (index + first).flatten()
             part_x = x.flatten(0, 1).index_select(0, rows).unflatten(0, index.shape)
-            own = (ask(network, part_x, w, heads) * share[..., None]).flatten(0, 1)
+            own = (network(part_x, layers[part], heads) * share[..., None]).flatten(0, 1)
             if total is None:
                 total = own.new_zeros(people * count, own.shape[-1])
             total = total.index_add(0, rows, own)
-        if total is None:  # no points
-            return ask(self.networks[0], x, w, heads)
+        assert total is not None  # every point has a share somewhere
         return total.unflatten(0, (people, count))
 
     def signed_distance(
@@ -214,19 +249,6 @@ class Decoder(nn.Module):
     ) -> Float[Tensor, "B N"]:
         """Body distance, less what is taken back of it, plus the residual, metres."""
         return distance * (1 - shape[..., 1]) + shape[..., 0]
-
-
-def ask(network: nn.Module, x: Tensor, w: Tensor, heads: Heads) -> Float[Tensor, "B N O"]:
-    """The heads of one part's network."""
-    assert isinstance(network, PartNetwork)
-    code = network.code_of(w)
-    hidden = network.hidden(x, code)
-    parts = []
-    if heads != "picture":
-        parts.append(network.shape(hidden, code))
-    if heads != "shape":
-        parts.append(network.paint(hidden, w, code))
-    return torch.cat(parts, dim=-1)
 
 
 # metres from the body over which vertex features fade at least, for lips and toes touch; and at most, as a

@@ -73,7 +73,7 @@ class AvatarGenerator(nn.Module):
         """
         features = sample_planes(planes, self.frame(points), method)
         x = self.decoder.inputs(features, self.frame.centered(points), body)
-        shape, picture = self.decoder(x, points, w).tensor_split([2], dim=-1)
+        shape, picture = self.decoder(x, points, self.decoder.layers_of(w)).tensor_split([2], dim=-1)
         return self.decoder.signed_distance(shape, (base or body).distance), picture[..., :3], picture
 
 
