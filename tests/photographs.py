@@ -13,15 +13,14 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from avatargen.avatar import shipped
-from avatargen.body.load import load_body
+from avatargen.avatar import training_body
 from avatargen.body.model import shape
 from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.data.joints import projected_joints
 from avatargen.data.keypoints import COCO_17, OPENPOSE_25
 from avatargen.data.synth import SynthConfig, synthesize
 
-BODY = load_body(shipped("body.npz"))
+BODY = training_body()
 SIZE, WIDTH, HEIGHT = 64, 110, 96
 CORNER = np.array([(WIDTH - SIZE) // 2, (HEIGHT - SIZE) // 2])
 FOCAL = 1.4 * SIZE / HEIGHT  # of the synthetic cameras, as a share of the photograph's height

@@ -14,7 +14,6 @@ import pytest
 import torch
 from PIL import Image
 
-from avatargen.avatar import shipped
 from avatargen.body.joints import mirrored_name
 from avatargen.body.model import pose, shape
 from avatargen.commands.main import main
@@ -43,7 +42,6 @@ def sources(scene: Scene, convention: str, **change: Path | None) -> Sources:
         Sources(
             images=scene.folder / "photos",
             labels=scene.labels(convention),
-            body=Path(shipped("body.npz")),
             masks=scene.folder / "masks",
             keypoints=scene.folder / "coco.json",
         ),
@@ -215,7 +213,6 @@ def test_what_is_broken_is_named_and_skipped(scene: Scene, tmp_path: Path):
     given = Sources(
         images=photos,
         labels=tmp_path / "labels.json",
-        body=Path(shipped("body.npz")),
         masks=masks,
         keypoints=tmp_path / "results.json",
     )

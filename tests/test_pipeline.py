@@ -260,7 +260,7 @@ def test_public_names():
     assert sorted(assets.__all__) == sorted(
         [
             *("Asset", "BuildConfig", "ExtractConfig", "GeometryError", "PlainAsset", "Surface"),
-            *("TexturedAsset", "animate", "build", "build_content", "extract", "figure_of"),
+            *("TexturedAsset", "animate", "build", "build_content", "extract", "figure_of", "with_levels"),
         ]
     )
     assert assets.Asset is Asset

@@ -87,7 +87,6 @@ def run(given: "Namespace") -> None:
     """Prepare, and say what came of it."""
     with progress_line() as show:
         show("loading libraries", 0.0)
-        from avatargen.avatar import shipped
         from avatargen.data.prepare import Sources, prepare
 
         started = time.monotonic()
@@ -95,7 +94,7 @@ def run(given: "Namespace") -> None:
             Sources(
                 images=given.images,
                 labels=given.labels,
-                body=given.body or Path(shipped("body.npz")),
+                body=given.body,
                 masks=given.masks,
                 keypoints=given.keypoints,
                 smpl=given.smpl,

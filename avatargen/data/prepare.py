@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from avatargen.atomic import write_atomically, write_together
-from avatargen.body.load import load_body
+from avatargen.avatar import training_body
 from avatargen.body.model import Body, canonical_body
 from avatargen.data.balance import view_weights
 from avatargen.data.conventions import Convention
@@ -50,7 +50,7 @@ class Sources:
 
     images: Path
     labels: Path
-    body: Path
+    body: Path | None = None  # that was fitted; None: the shipped one, as training sees it
     masks: Path | None = None
     keypoints: Path | None = None
     smpl: Path | None = None  # poses for cameras alone, see `avatargen.data.estimates`
@@ -93,7 +93,7 @@ def prepare(
     done = sum(len(part) for i, part in enumerate(parts) if i not in set(missing))
     report(done, len(photographs))
     workers = min(workers, len(missing))
-    body = load_body(sources.body)
+    body = training_body(sources.body)
     start = (out, body, settings, sources, segment)
     jobs = [(i, parts[i]) for i in missing]
     for finished in run_all(workers, start, jobs):

@@ -15,6 +15,17 @@ from avatargen.generator.parts import JOINTS_OF_PARTS, Parts
 
 MAX_SIZE = 4096  # widths, depths, resolutions
 MAX_VERTICES = 2_000_000
+COLOURS = 3
+# numbers of which 0 means: without
+MAY_BE_NONE = (
+    "camera_features",
+    "code_size",
+    "regions",
+    "vertex_features",
+    "vertex_count",
+    "frequencies",
+    "shape_count",
+)
 
 Knots = tuple[tuple[float, float], ...]
 
@@ -185,9 +196,11 @@ def require_sane_sizes(config: GeneratorConfig) -> None:
     parts = (config.mapping, config.synthesis, config.decoder, config.deformation, config.render, config)
     for part in parts:
         for name, value in vars(part).items():
-            limit = MAX_VERTICES if name == "vertex_count" else MAX_SIZE
-            if isinstance(value, int) and not 0 <= value <= limit:
-                raise InputError(f"generator config: {name} = {value}; it must be 0 to {limit}")
+            low, high = int(name not in MAY_BE_NONE), MAX_VERTICES if name == "vertex_count" else MAX_SIZE
+            if isinstance(value, int) and not isinstance(value, bool) and not low <= value <= high:
+                raise InputError(f"generator config: {name} = {value}; it must be {low} to {high}")
+    if config.decoder.features < COLOURS:
+        raise InputError(f"generator config: {config.decoder.features} features; a colour takes {COLOURS}")
     if not config.synthesis.blocks or max(max(block) for block in config.synthesis.blocks) > MAX_SIZE:
         raise InputError(
             f"generator config: blocks {config.synthesis.blocks}; sizes up to {MAX_SIZE} are taken"
