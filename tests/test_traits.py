@@ -44,6 +44,6 @@ def test_the_mapping_learns_traits_of_people_it_has_not_seen():
 
     lines: list[str] = []
     before = unexplained()
-    learn_traits(mapping, steps=200, seed=0, report=lines.append)
-    assert unexplained() < 0.4 < before
-    assert len(lines) == 2
+    learn_traits(mapping, steps=100, seed=0, report=lines.append)
+    assert unexplained() < 0.6 < before
+    assert len(lines) == 1
