@@ -127,7 +127,7 @@ def chart_atlas(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasC
 
 def adopt(surface: Surface, atlas: Atlas, largest: float) -> Atlas:
     """Lay the tiny faces that xatlas left out flat against a neighbour's chart, over the longest edge they
-    share.
+    share; the vertices that they had of their own are dropped.
 
     Raises:
         GeometryError: one would stand out by more than `largest`, or has no neighbour in a chart.
@@ -158,7 +158,12 @@ def adopt(surface: Surface, atlas: Atlas, largest: float) -> Atlas:
             faces[ready, (edge + corner) % 3] = vertices
         uv, vertex_map = np.concatenate([uv, place]), np.concatenate([vertex_map, tip])
         left[ready] = False
-    return Atlas(vertex_map=vertex_map, uv=np.clip(uv, 0, 1).astype(np.float32), faces=faces)
+    named, corner = np.unique(faces, return_inverse=True)
+    return Atlas(
+        vertex_map=vertex_map[named],
+        uv=np.clip(uv[named], 0, 1).astype(np.float32),
+        faces=corner.reshape(faces.shape).astype(np.int64),
+    )
 
 
 def unfold(

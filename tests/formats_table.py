@@ -31,7 +31,6 @@ from tests.verdicts import (
     ask_engine,
     blender_verdict,
     check_blender,
-    kept_in_blender,
     khronos_issues,
     our_vertices,
     random_poses,
@@ -56,14 +55,14 @@ class Case:
     poses: np.ndarray
     path: Path
 
-    def distance(self, posed: np.ndarray, kept: np.ndarray | None = None) -> str:
-        """Micrometres between posed vertices [P W 3] and those of ours that are kept.
+    def distance(self, posed: np.ndarray) -> str:
+        """Micrometres between posed vertices [P W 3] and ours.
 
         Raises:
             ValueError: they are beyond the limit.
         """
         ours = np.array([our_vertices(self.asset, transforms) for transforms in self.poses])
-        return distance(posed, ours if kept is None else ours[:, kept])
+        return distance(posed, ours)
 
 
 def distance(found: np.ndarray, ours: np.ndarray) -> str:
@@ -107,7 +106,7 @@ def usdskel(case: Case) -> str:
 def blender(case: Case) -> str:
     verdict = blender_verdict(case.asset, case.poses, case.path.parent, case.path.name)
     check_blender(verdict, case.asset, case.poses)
-    return case.distance(verdict.posed, kept_in_blender(verdict, case.asset))
+    return case.distance(verdict.posed)
 
 
 def blender_shape(case: Case) -> str:

@@ -10,7 +10,7 @@ from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
 from assets.raster import rasterise
 from assets.simplify import SimplifyConfig, simplify
-from assets.surface import face_areas
+from assets.surface import Surface, face_areas
 from avatargen.errors import InputError
 
 
@@ -37,6 +37,7 @@ def overlap(atlas, size=1024):
 def require_whole(surface, atlas):
     assert np.array_equal(atlas.vertex_map[atlas.faces], surface.faces)
     assert set(atlas.vertex_map) == set(range(len(surface.vertices)))
+    assert np.array_equal(np.unique(atlas.faces), np.arange(len(atlas.uv)))  # no vertex without a face
     assert atlas.uv.min() >= 0
     assert atlas.uv.max() <= 1
     assert overlap(atlas) < 1e-4
@@ -76,6 +77,34 @@ def test_density_is_even_but_for_the_parts_that_ask_for_more():
     fine, plain = density[parts == 1], density[parts != 1]
     assert np.median(fine) == pytest.approx(2 * np.median(plain), rel=0.1)
     assert np.quantile(plain, 0.9) < 1.5 * np.quantile(plain, 0.1)
+
+
+def with_a_sliver(surface):
+    """The surface with a face of nearly no area, between an edge's two faces."""
+    a, b, c = surface.faces[0]
+    middle = surface.vertices[[a, b]].mean(axis=0)
+    tip = middle + 1e-6 * (surface.vertices[c] - middle)
+    m = len(surface.vertices)
+    return Surface(
+        vertices=np.concatenate([surface.vertices, tip[None]]),
+        faces=np.concatenate([surface.faces[1:], [[a, m, c], [m, b, c], [a, b, m]]]),
+    )
+
+
+def test_a_face_that_xatlas_leaves_out_leaves_no_vertices_behind(monkeypatch):
+    surface = with_a_sliver(icosphere(rounds=3))
+    before = []
+    adopt = atlas_stage.adopt
+
+    def watched(surface, atlas, largest):
+        before.append(atlas)
+        return adopt(surface, atlas, largest)
+
+    monkeypatch.setattr(atlas_stage, "adopt", watched)
+    atlas = unwrap(surface, parts_of(surface))
+    assert np.flatnonzero(uv_areas(before[0]) == 0).tolist() == [len(surface.faces) - 1]
+    assert len(atlas.uv) == len(before[0].uv) - 3 + 1  # its three are dropped, its tip is new
+    require_whole(surface, atlas)
 
 
 @pytest.mark.parametrize("failure", ["slow", "crash", "nonsense"])

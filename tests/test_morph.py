@@ -59,13 +59,12 @@ def test_blenders_slider_is_the_mesh_built_with_those_betas(tmp_path: Path) -> N
         [morph.name for morph in asset.morphs],
         np.stack([weights, weights]),
     )["vertices"]
-    used = np.unique(asset.faces)
     moved = asset.skeleton.joints + np.einsum("s,sjd->jd", weights, [m.joints for m in asset.morphs])
     lift = other.skeleton.joints[0] - moved[0]
-    np.testing.assert_allclose(found[0] + lift, other.vertices[used], atol=1e-5)
+    np.testing.assert_allclose(found[0] + lift, other.vertices, atol=1e-5)
 
     rebuilt = animate(other, [walk], on_ground=False).animations[0]
-    wanted = our_vertices(other, rebuilt.T_posed_rest(other.skeleton)[5])[used]
+    wanted = our_vertices(other, rebuilt.T_posed_rest(other.skeleton)[5])
     off = np.linalg.norm(found[1] + lift - wanted, axis=1)
     joints_off = np.linalg.norm(moved - moved[0] - asset.skeleton.joints + asset.skeleton.joints[0], axis=1)
     assert 1e-4 < off.max() < 2 * joints_off.max()
