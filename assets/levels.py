@@ -13,7 +13,7 @@ they would move.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -21,7 +21,9 @@ from jaxtyping import Bool, Float64, Int64
 from assets.asset import Asset, PlainAsset, TexturedAsset
 from assets.collapse import apart, changed_corners, links_hold, replaced, standing
 from assets.errors import GeometryError
-from assets.surface import corner_angles, directed_edges, opposite_edges
+from assets.field import Field
+from assets.measure import MeasureConfig, SurfaceError, surface_error
+from assets.surface import compact, corner_angles, directed_edges, opposite_edges
 from avatargen.errors import InputError
 
 AnyAsset = TypeVar("AnyAsset", bound=PlainAsset)
@@ -30,6 +32,7 @@ SEAM_WEIGHT = 0.5  # of a seam's own path against the surface, in the quadrics
 SLIDE = 0.01  # cost of sliding the texture along an edge, against moving the surface as far
 LARGEST_TURN = 0.2  # cosine of the angle a face may turn by
 THINNEST = 1.0  # degrees that a changed face's smallest angle may fall to
+MEASURE = MeasureConfig(samples=3_000)
 EARLY = 0.15  # share of the candidates, cheapest first, that a round looks at
 
 
@@ -41,8 +44,9 @@ class Shrinking:
     quadrics: Float64[np.ndarray, "V 4 4"]  # summed squared distance to planes, square metres times area
     faces: Int64[np.ndarray, "F 3"]
     split: Int64[np.ndarray, "F 3"]
-    uv: Float64[np.ndarray, "W 2"] | None
+    uv: Float64[np.ndarray, "_ 2"] | None  # of the asset's vertices
     source: Int64[np.ndarray, " W"]  # the asset's vertex that has this one's place, normal and weights
+    laid: Int64[np.ndarray, " W"]  # and the one that has its place in the texture
 
 
 def with_levels(asset: AnyAsset, faces: Sequence[int]) -> AnyAsset:
@@ -90,6 +94,7 @@ def begin(asset: PlainAsset) -> Shrinking:
         split=asset.faces.copy(),
         uv=asset.uv.astype(np.float64) if isinstance(asset, TexturedAsset) else None,
         source=np.arange(len(asset.vertices)),
+        laid=np.arange(len(asset.vertices)),
     )
     if (opposite_edges(mesh.faces, len(points)) < 0).any():
         raise GeometryError("levels: the finest level is not closed once welded; export it again")
@@ -201,8 +206,8 @@ def permitted(
     if mesh.uv is not None:
         stays = np.where(becomes < 0, mesh.split.reshape(-1)[corner], becomes)
         old, new = (
-            signed_areas(mesh.uv[mesh.split[corner // 3]]),
-            signed_areas(mesh.uv[replaced(mesh.split, corner, stays)]),
+            signed_areas(mesh.uv[mesh.laid[mesh.split[corner // 3]]]),
+            signed_areas(mesh.uv[mesh.laid[replaced(mesh.split, corner, stays)]]),
         )
         bad |= (old * new <= 0) & (old != 0)
     spoilt = np.bincount(candidate, bad, minlength=len(edges)) > 0
@@ -229,8 +234,7 @@ def collapse(
     )
     becomes[slides] = len(mesh.source) + place
     mesh.source = np.concatenate([mesh.source, mesh.source[split[candidate[slides[first]], 1]]])
-    if mesh.uv is not None:
-        mesh.uv = np.concatenate([mesh.uv, mesh.uv[slid]])
+    mesh.laid = np.concatenate([mesh.laid, mesh.laid[slid]])
     flat = mesh.split.reshape(-1).copy()
     flat[corner] = becomes
     np.add.at(mesh.quadrics, edges[:, 1], mesh.quadrics[edges[:, 0]])
@@ -248,13 +252,45 @@ def extended(asset: AnyAsset, mesh: Shrinking, levels: tuple[np.ndarray, ...]) -
     added = named[named >= first]
     number = np.concatenate([np.arange(first), np.zeros(len(mesh.source) - first, dtype=np.int64)])
     number[added] = first + np.arange(len(added))
-    rows = mesh.source[np.concatenate([np.arange(first), added])]
-    changes: dict[str, object] = {"levels": tuple(number[level] for level in levels)}
-    for name in ("vertices", "normals", "welded", "canonical", "joints", "weights"):
-        if getattr(asset, name, None) is not None:
-            changes[name] = getattr(asset, name)[rows]
-    if isinstance(asset, TexturedAsset) and mesh.uv is not None:
-        changes["uv"] = np.concatenate([asset.uv, mesh.uv[added].astype(np.float32)])
+    kept = np.concatenate([np.arange(first), added])
+    renumbered = tuple(number[level] for level in levels)
+    return replace(asset, **of_vertices(asset, mesh.source[kept], mesh.laid[kept]), levels=renumbered)
+
+
+def of_vertices(
+    asset: PlainAsset, rows: Int64[np.ndarray, " N"], laid: Int64[np.ndarray, " N"]
+) -> dict[str, Any]:
+    """The asset's parts with a value a vertex, for vertices chosen from it; `laid` names those whose place in
+    the texture, and so whose tangent, they take."""
+    names = ("vertices", "normals", "welded", "canonical", "joints", "weights")
+    parts: dict[str, Any] = {
+        name: getattr(asset, name)[rows] for name in names if getattr(asset, name, None) is not None
+    }
+    if isinstance(asset, TexturedAsset):
+        parts["uv"] = asset.uv[laid]
+        if asset.normal_map is not None:
+            parts["normal_map"] = replace(asset.normal_map, tangents=asset.normal_map.tangents[laid])
     if isinstance(asset, Asset):
-        changes["morphs"] = tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs)
-    return replace(asset, **changes)
+        parts["morphs"] = tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs)
+    return parts
+
+
+def at_level(asset: AnyAsset, number: int) -> AnyAsset:
+    """One level alone, with the vertices that it uses; 0 is the finest."""
+    named, corner = np.unique((asset.faces, *asset.levels)[number], return_inverse=True)
+    faces = corner.reshape(-1, 3).astype(np.int64)
+    return replace(asset, **of_vertices(asset, named, named), faces=faces, levels=())
+
+
+def level_error(asset: PlainAsset, faces: Int64[np.ndarray, "F 3"], sdf: Field) -> SurfaceError:
+    """How far the faces of a level are from the field.
+
+    Raises:
+        GeometryError: the asset was not built from a field, so nobody knows where its vertices were.
+        FieldError: the field is NaN or infinite.
+    """
+    if asset.welded is None or asset.canonical is None:
+        raise GeometryError("levels: the asset was not built from a field; build it from an avatar")
+    points = np.zeros((int(asset.welded.max()) + 1, 3))
+    points[asset.welded] = asset.canonical
+    return surface_error(compact(points, asset.welded[faces]), sdf, MEASURE)

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapes import icosphere
+from shapes import icosphere, sphere
 
 from assets.asset import PlainAsset, TexturedAsset
 from assets.atlas import AtlasConfig, unwrap
 from assets.errors import GeometryError
-from assets.levels import signed_areas, with_levels
+from assets.levels import at_level, level_error, signed_areas, with_levels
+from assets.measure import points_on, sample_surface
+from assets.normal_map import NormalMap
 from assets.surface import Surface, compact, find_defects, opposite_edges, volume
 from avatargen.errors import InputError
 from tests.tube import tube
@@ -97,6 +99,50 @@ def test_seams_shrink_on_both_sides_together():
     assert levelled.weights.shape == levelled.joints.shape == (len(levelled.vertices), 4)
     seam = np.abs(levelled.uv[levelled.levels[1]][:, :, 0] - 0.5).max()
     assert seam == pytest.approx(0.5)  # the chart still ends at the seam
+
+
+def test_a_vertex_that_a_level_adds_has_the_tangent_of_its_place_in_the_texture():
+    ball = textured_ball()
+    rows = np.arange(len(ball.vertices))
+    tangents = np.stack([np.cos(rows), np.sin(rows), 0 * rows, 1 - 2 * (rows % 2)], axis=1)  # each its own
+    mapped = replace(ball, normal_map=NormalMap(texels=ball.texture, tangents=tangents.astype(np.float32)))
+    levelled = with_levels(mapped, (120,))
+    assert levelled.normal_map is not None and mapped.normal_map is not None
+    assert len(levelled.vertices) > len(rows)
+    assert np.array_equal(levelled.normal_map.tangents[rows], mapped.normal_map.tangents)
+    for uv, tangent in zip(levelled.uv[len(rows) :], levelled.normal_map.tangents[len(rows) :], strict=True):
+        there = (ball.uv == uv).all(axis=1)
+        assert (mapped.normal_map.tangents[there] == tangent).all(axis=1).any()
+
+
+def test_a_level_alone_has_its_faces_and_no_vertex_more():
+    rig = tube(rings=20, sides=20)
+    _, welded_to = np.unique(rig.vertices.round(6), axis=0, return_inverse=True)
+    rig = replace(rig, welded=welded_to.reshape(-1).astype(np.int64))
+    levelled = with_levels(rig, (500, 200))
+    for number, faces in enumerate((levelled.faces, *levelled.levels)):
+        alone = at_level(levelled, number)
+        assert alone.levels == ()
+        assert np.array_equal(np.unique(alone.faces), np.arange(len(alone.vertices)))
+        for name in ("vertices", "normals", "uv", "joints", "weights", "welded"):
+            assert np.array_equal(getattr(alone, name)[alone.faces], getattr(levelled, name)[faces]), name
+
+
+def test_a_levels_error_is_that_of_its_faces_where_the_field_has_them():
+    ball = with_levels(textured_ball(), (300,))
+    moved = replace(ball, vertices=ball.vertices + np.float32(1))  # a pose changes nothing
+    fine, coarse = (level_error(moved, faces, sphere(0.6)) for faces in (ball.faces, ball.levels[0]))
+    inside = 1000 * (0.6 - np.linalg.norm(points_inside(ball, ball.levels[0]), axis=1))
+    assert coarse.mean_mm == pytest.approx(inside.mean(), rel=0.05)
+    assert coarse.mean_mm > 5 * fine.mean_mm
+    with pytest.raises(GeometryError, match="not built from a field"):
+        level_error(replace(ball, canonical=None), ball.faces, sphere(0.6))
+
+
+def points_inside(asset: PlainAsset, faces: np.ndarray) -> np.ndarray:
+    """Points spread over faces."""
+    surface = welded(asset, faces)
+    return points_on(surface, *sample_surface(surface, 4000, seed=1))
 
 
 def test_without_a_texture():

@@ -10,17 +10,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import torch
 
 import avatargen
 from assets import Asset, BuildConfig, PlainAsset, animate, build_content, with_levels
 from assets.asset import Report
 from assets.joints import body_on
-from assets.measure import MeasureConfig, surface_error
+from assets.levels import level_error
 from assets.names import rename_joints
 from assets.plan import CONTENTS, Content
-from assets.surface import compact
 from avatargen.atomic import check_writable, write_together
 from avatargen.avatar import Avatar, AvatarSampler
 from avatargen.body.pose import load_pose
@@ -36,7 +34,6 @@ from exporters.png import encode_png
 
 STARTED = time.perf_counter()
 DEFAULT_FACES = 20_000  # of a scene that keeps all, where charts are wanted after all
-LEVEL_MEASURE = MeasureConfig(samples=3_000)
 NAMED_POSES = ("x", "t", "a")
 # of the work, that lies behind when a stage begins
 SHARES = {
@@ -290,10 +287,7 @@ def level_facts(made: Made) -> list[dict[str, object]]:
     """Faces of each coarser level, and how far it is from the field."""
     asset, facts = made.asset, []
     for level in asset.levels:
-        assert asset.welded is not None and asset.canonical is not None  # every built asset has them
-        points = np.zeros((int(asset.welded.max()) + 1, 3))
-        points[asset.welded] = asset.canonical
-        error = surface_error(compact(points, asset.welded[level]), made.avatar.sdf, LEVEL_MEASURE)
+        error = level_error(asset, level, made.avatar.sdf)
         facts.append({"faces": len(level), "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm}})
     return facts
 
