@@ -20,9 +20,10 @@ import pytest
 from PIL import Image
 from pygltflib import GLTF2
 
-from assets import Asset, BuildConfig
+from assets import Asset, BuildConfig, with_levels
 from assets.bones import aim_bones
 from assets.errors import GeometryError
+from assets.levels import level_error
 from assets.paint import painted
 from avatargen import load_generator
 from avatargen.body.load import save_body
@@ -44,7 +45,7 @@ try:
     from websockets.sync.client import connect
     from websockets.typing import Origin, Subprotocol
 
-    from avatargen.commands.viewer.page import ERROR_LIMIT, STILL, Page
+    from avatargen.commands.viewer.page import ERROR_LIMIT, LEVELS, STILL, Page
     from avatargen.commands.viewer.people import KEPT, People, Wish
     from avatargen.commands.viewer.server import PrivateServer, own_origins
 except ModuleNotFoundError as error:
@@ -148,6 +149,35 @@ def test_every_surface_is_a_file_with_its_own_colours(page: Page) -> None:
     assert f"{errors.max():.2f} mm" in page.scale.content
     assert np.array_equal(found["error"].uv, painted(shape, errors / ERROR_LIMIT).uv)
     assert len({glb.encode(asset) for asset in found.values()}) == 4
+
+
+@pytest.mark.parametrize("level", [1, 3])
+def test_a_coarser_level_is_shown_measured_and_downloaded(page: Page, level: int) -> None:
+    finest = page.asset
+    assert finest is not None and finest.report is not None
+    page.level.value, page.wireframe.value = LEVELS[level], True
+    settle(page)
+    assert page.asset is not None and page.shape is not None and page.asset.report is not None
+    wanted = with_levels(finest, (len(finest.faces) >> level,))
+    coarse = wanted.levels[0]
+    assert page.status.content.startswith(f"Seed 3: {len(coarse):,} triangles, error ")
+    assert np.array_equal(page.asset.vertices[page.asset.faces], wanted.vertices[coarse])
+    sdf = page.people.get(Wish(3), page.show_progress).avatar.sdf
+    assert page.asset.report.error == level_error(wanted, coarse, sdf)
+    drawn_glb: Any = page.server.scene.get_handle_by_name("/person")
+    edges: Any = page.server.scene.get_handle_by_name("/edges")
+    assert drawn_glb.glb_data == glb.encode(page.shape)
+    assert np.array_equal(edges.faces, page.shape.faces)
+    assert page.file() == ("avatar_3.glb", glb.encode(aim_bones(page.asset)))
+    page.level.value = LEVELS[0]
+    settle(page)
+    assert page.asset is finest
+
+
+def test_a_level_is_made_once(page: Page) -> None:
+    person = page.people.get(Wish(3), page.show_progress)
+    assert person.at(0) is person
+    assert person.at(2) is person.at(2)
 
 
 def test_a_person_is_built_once_and_the_last_few_are_kept(

@@ -28,6 +28,7 @@ from exporters import FORMATS, encode, find_format, glb
 
 LARGEST_SEED = 2**53 - 1  # whole numbers that a browser keeps exactly
 FACES = ("2000", "8000", "20000", "40000")
+LEVELS = ("finest", "1/2", "1/4", "1/8")  # of the triangles, each half of the one before
 SHOWN = ("texture", "shape", "skin weights", "error")
 ERROR_LIMIT = 1.0  # millimetres at the end of the scale
 LINES = (30, 40, 60)  # colour of the wireframe
@@ -102,9 +103,12 @@ class Page:
         with gui.add_folder("Show"):
             self.shown = gui.add_dropdown("surface", SHOWN, initial_value="texture")
             self.joint = gui.add_dropdown("joint", names, initial_value=names[0], visible=False)
+            self.level = gui.add_dropdown(
+                "level of detail", LEVELS, initial_value=LEVELS[0], hint="shown and downloaded"
+            )
             self.wireframe = gui.add_checkbox("wireframe", False)
             self.scale = gui.add_markdown("", visible=False)
-        self.draw_on_change(self.shown, self.joint, self.wireframe)
+        self.draw_on_change(self.shown, self.joint, self.level, self.wireframe)
 
     def add_download_controls(self) -> None:
         gui = self.server.gui
@@ -159,7 +163,7 @@ class Page:
         wish = Wish(
             seed=int(self.seed.value), truncation=float(self.truncation.value), faces=int(self.faces.value)
         )
-        person = self.people.get(wish, self.show_progress)
+        person = self.people.get(wish, self.show_progress).at(LEVELS.index(self.level.value))
         angles = {name: float(control.value) for name, control in self.angles.items()}
         playing = self.clip.value != STILL
         self.asset = person.asset

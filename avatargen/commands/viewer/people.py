@@ -2,12 +2,13 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64
 
-from assets import Asset, BuildConfig, build
+from assets import Asset, BuildConfig, build, with_levels
+from assets.levels import at_level, level_error
 from assets.paint import vertex_errors
 from avatargen.avatar import Avatar, AvatarSampler
 
@@ -26,11 +27,27 @@ class Wish:
 
 @dataclass(kw_only=True)
 class Person:
-    """A built person; the errors are measured when they are first looked at."""
+    """A built person; coarser levels are made, and errors measured, when they are first looked at."""
 
     avatar: Avatar
     asset: Asset
     measured: Float64[np.ndarray, " W"] | None = field(default=None)
+    coarser: dict[int, "Person"] = field(default_factory=dict)
+
+    def at(self, level: int) -> "Person":
+        """The person in half the faces, `level` times over.
+
+        Raises:
+            AvatarGenError: the surface cannot be kept closed with so few faces.
+        """
+        if level == 0:
+            return self
+        if level not in self.coarser:
+            asset = at_level(with_levels(self.asset, (len(self.asset.faces) >> level,)), 1)
+            assert asset.report is not None  # every built asset has one
+            report = replace(asset.report, error=level_error(asset, asset.faces, self.avatar.sdf))
+            self.coarser[level] = Person(avatar=self.avatar, asset=replace(asset, report=report))
+        return self.coarser[level]
 
     def errors(self) -> Float64[np.ndarray, " W"]:
         """Distance of the mesh to the field around each vertex, millimetres."""
