@@ -11,8 +11,11 @@ import numpy as np
 import pygltflib
 import pytest
 
+import avatargen
+from assets import BuildConfig, build
 from assets.asset import Asset, TexturedAsset
-from assets.names import rename_joints
+from assets.names import VRM_HUMAN_BONES, rename_joints
+from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.model import forward_kinematics
 from avatargen.errors import InputError
 from exporters import FORMATS, export, vrm
@@ -77,6 +80,24 @@ def test_khronos_and_three_vrm_accept_it(tmp_path: Path, preset: str) -> None:
     assert set(PARENTS) <= set(found["vrm"]["bones"])
     for posed, transforms in zip(found["posed"], poses, strict=True):
         np.testing.assert_allclose(posed, our_vertices(asset, transforms), atol=AGREE / 10)
+
+
+def test_three_vrm_bends_a_persons_every_human_bone(tmp_path: Path) -> None:
+    """The default body's 52 joints are all human bones, fingers included, and three-vrm's own pose of them
+    bends the mesh as our skinning does."""
+    avatar = avatargen.load_generator().sample(3)
+    asset = build(avatar, BuildConfig(pose="t", resolution=128, faces=6000, texture=64))
+    poses = random_poses(asset, count=3, angle=0.5)
+    export(asset, tmp_path / "person.vrm")
+    found = ask_engine("three_check.mjs", "@pixiv/three-vrm", tmp_path / "person.vrm", asset, poses)["vrm"]
+
+    assert asset.skeleton.joint_names == SMPLH_JOINT_NAMES
+    assert found["bones"] == {VRM_HUMAN_BONES[name]: name for name in SMPLH_JOINT_NAMES}
+    assert np.abs(asset.weights[asset.joints >= 22]).max() > 0.5  # fingers do move something
+    for posed, transforms in zip(found["posed"], poses, strict=True):
+        ours = our_vertices(asset, transforms)
+        np.testing.assert_allclose(np.reshape(posed, (-1, 3)), ours, atol=AGREE)
+        assert np.abs(ours - asset.vertices).max() > 0.05
 
 
 def type_errors(folder: Path, found: object) -> str:

@@ -1,5 +1,6 @@
 // node three_check.mjs FILE POSES.json: what three.js (and three-vrm) makes of a .glb, .gltf or .vrm, as JSON.
 // { posed: [P W*3], bones: {name: parent}, images: [[w, h]], clips: {name: {times, vertices: [T W*3]}}, vrm }
+// vrm: { version, name, bones: {human bone: node}, posed: [P W*3] as three-vrm bends it by its human bones }
 import { beside, read, readPoses } from "./browser_parts.mjs";
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
@@ -50,10 +51,30 @@ function play(scene, mesh, clip) {
   return { times, vertices: frames };
 }
 
-function describeVrm(vrm) {
+// A pose for three-vrm: each human bone's turn against its parent's, in the world's axes.
+function humanPose(vrm, bones, transforms) {
+  const turns = transforms.map((rows) => new THREE.Quaternion().setFromRotationMatrix(new THREE.Matrix4().set(...rows.flat())));
+  const human = Object.entries(vrm.humanoid.humanBones).map(([name, { node }]) => [name, bones.indexOf(node)]);
+  return Object.fromEntries(
+    human.map(([name, j]) => {
+      const parent = bones.indexOf(bones[j].parent);
+      const outer = parent >= 0 ? turns[parent].clone().invert() : new THREE.Quaternion();
+      return [name, { rotation: outer.multiply(turns[j]).toArray() }];
+    }),
+  );
+}
+
+function describeVrm(vrm, scene, mesh, bones, poses) {
   if (!vrm) return null;
-  const bones = Object.entries(vrm.humanoid.humanBones).map(([bone, { node }]) => [bone, node.name]);
-  return { version: vrm.meta.metaVersion, name: vrm.meta.name, bones: Object.fromEntries(bones) };
+  const named = Object.entries(vrm.humanoid.humanBones).map(([bone, { node }]) => [bone, node.name]);
+  mesh.skeleton.pose();
+  const posed = poses.map((transforms) => {
+    vrm.humanoid.resetNormalizedPose();
+    vrm.humanoid.setNormalizedPose(humanPose(vrm, bones, transforms));
+    vrm.update(0);
+    return vertices(scene, mesh);
+  });
+  return { version: vrm.meta.metaVersion, name: vrm.meta.name, bones: Object.fromEntries(named), posed };
 }
 
 const gltf = await load();
@@ -81,6 +102,6 @@ console.log(
     images: [mesh.material.map, mesh.material.normalMap].flatMap((map) => (map ? [[map.image.width, map.image.height]] : [])),
     clips,
     morphs: Object.keys(mesh.morphTargetDictionary ?? {}),
-    vrm: describeVrm(gltf.userData.vrm),
+    vrm: describeVrm(gltf.userData.vrm, gltf.scene, mesh, order, T_posed_rest),
   }),
 );
