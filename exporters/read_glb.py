@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int64, UInt8
+from jaxtyping import Float32, Int64, UInt8
 from PIL import Image, UnidentifiedImageError
 
 from assets.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
@@ -23,8 +23,9 @@ from assets.rig import Skeleton
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 from exporters.glb import WEBP
+from exporters.quantize import EXTENSION as QUANTIZED
 
-READABLE = {WEBP}
+READABLE = {WEBP, QUANTIZED}
 MOST_BYTES = 1 << 29
 MOST_TEXELS = 8192  # along a side
 MOST_JOINTS = 1000
@@ -68,6 +69,22 @@ class Document:
         return np.ndarray(
             (count, width), dtype=dtype, buffer=view, offset=start, strides=(stride, dtype.itemsize)
         ).copy()
+
+    def numbers(self, accessor: Any, width: int) -> np.ndarray:
+        """Real numbers, float32 [count, width]; whole ones marked as normalized are shares of the largest."""
+        stored = columns(self.array(accessor), width)
+        real = stored.astype(np.float32)
+        if stored.dtype.kind == "f" or not item(self.description["accessors"], accessor).get("normalized"):
+            return real
+        return np.maximum(real / np.iinfo(stored.dtype).max, -1)
+
+    def directions(self, accessor: Any, width: int) -> np.ndarray:
+        """Unit vectors; a sign in a fourth column stays. Rounded ones are brought back to length 1."""
+        vectors = self.numbers(accessor, width)
+        if self.array(accessor).dtype.kind != "f":
+            length = np.linalg.norm(vectors[:, :3], axis=1, keepdims=True)
+            vectors[:, :3] /= np.maximum(length, 1e-9)
+        return vectors
 
     def view(self, number: Any) -> bytes:
         """The bytes of a buffer view."""
@@ -132,10 +149,11 @@ def read_asset(document: Document, rest: str) -> PlainAsset:
     primitive = item(description["meshes"], node["mesh"])["primitives"][0]
     if primitive.get("mode", 4) != 4:
         raise ValueError("the mesh is no triangles")
-    attributes = {name: document.array(number) for name, number in primitive["attributes"].items()}
+    attributes = primitive["attributes"]
+    vertices = document.numbers(attributes["POSITION"], 3)
     plain = PlainAsset(
-        vertices=columns(attributes["POSITION"], 3),
-        normals=columns(attributes["NORMAL"], 3),
+        vertices=vertices if "skin" in node else placed(vertices, node),
+        normals=document.directions(attributes["NORMAL"], 3),
         faces=columns(document.array(primitive["indices"]), 1).astype(np.int64).reshape(-1, 3),
         info=read_info(description.get("asset", {})),
     )
@@ -146,11 +164,11 @@ def read_asset(document: Document, rest: str) -> PlainAsset:
     if "normalTexture" in material and "TANGENT" in attributes:
         normal_map = NormalMap(
             texels=read_picture(document, material["normalTexture"]),
-            tangents=columns(attributes["TANGENT"], 4),
+            tangents=document.directions(attributes["TANGENT"], 4),
         )
     textured = TexturedAsset(
         **vars(plain),
-        uv=np.clip(normalised(attributes["TEXCOORD_0"], 2), 0, 1),
+        uv=np.clip(document.numbers(attributes["TEXCOORD_0"], 2), 0, 1),
         texture=read_picture(document, material["pbrMetallicRoughness"]["baseColorTexture"]),
         normal_map=normal_map,
     )
@@ -159,10 +177,20 @@ def read_asset(document: Document, rest: str) -> PlainAsset:
     skeleton, place = read_skeleton(document, item(description["skins"], node["skin"]), rest)
     return Asset(
         **vars(textured),
-        joints=place[columns(attributes["JOINTS_0"], 4).astype(np.int64)],
-        weights=normalised(attributes["WEIGHTS_0"], 4),
+        joints=place[columns(document.array(attributes["JOINTS_0"]), 4).astype(np.int64)],
+        weights=document.numbers(attributes["WEIGHTS_0"], 4),
         skeleton=skeleton,
     )
+
+
+def placed(vertices: Float32[np.ndarray, "W 3"], node: Any) -> Float32[np.ndarray, "W 3"]:
+    """Where a mesh without a skin stands: rounded places lie in a cube that its node scales and moves."""
+    scale = np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    move = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64)
+    if scale.shape != (3,) or move.shape != (3,) or not (scale == scale[0]).all() or not scale[0] > 0:
+        raise ValueError("the mesh's node is scaled unevenly, or has no place")
+    with np.errstate(all="ignore"):  # whoever takes the vertices asks for finite ones
+        return (vertices * scale + move).astype(np.float32)
 
 
 def read_skeleton(document: Document, skin: Any, rest: str) -> tuple[Skeleton, Int64[np.ndarray, " J"]]:
@@ -247,9 +275,3 @@ def columns(array: np.ndarray, width: int) -> np.ndarray:
     if array.shape[1] != width:
         raise ValueError(f"an attribute has {array.shape[1]} columns, not {width}")
     return array
-
-
-def normalised(array: np.ndarray, width: int) -> np.ndarray:
-    """Whole numbers as shares of their largest value, as float32."""
-    wide = columns(array, width).astype(np.float32)
-    return wide if array.dtype.kind == "f" else wide / np.iinfo(array.dtype).max

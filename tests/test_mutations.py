@@ -27,6 +27,7 @@ from avatargen.generator.checkpoint import load_checkpoint, save_checkpoint
 from avatargen.motion.amass import load_motion
 from avatargen.training import adversarial_state
 from exporters import glb
+from exporters.encoding import Encoding
 from exporters.read_glb import read_glb
 from tests.bodies import capsule_body
 from tests.generators import random_generator
@@ -247,8 +248,9 @@ def glb_changed(whole: bytes, rng: np.random.Generator) -> bytes:
     return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
 
 
-def test_glb(folder: Path) -> None:
-    whole = glb.encode(tube(rings=4, joint_count=3))
+@pytest.mark.parametrize("rounded", [False, True])
+def test_glb(folder: Path, rounded: bool) -> None:
+    whole = glb.encode(tube(rings=4, joint_count=3), Encoding(quantize=rounded))
 
     def read(path: Path) -> None:
         asset = read_glb(path)

@@ -12,13 +12,14 @@ import pytest
 from assets.asset import Asset, PlainAsset, TexturedAsset
 from avatargen.errors import InputError
 from exporters import export, glb
+from exporters.encoding import Encoding
 from exporters.read_glb import read_glb
-from tests.tube import tube
+from tests.tube import mapped, tube
 
 
-def altered(change: Any) -> bytes:
-    """The tube's file with its description changed by a function."""
-    data = glb.encode(tube())
+def altered(change: Any, data: bytes = b"") -> bytes:
+    """A file, if none is given the tube's, with its description changed by a function."""
+    data = data or glb.encode(tube())
     size = struct.unpack_from("<I", data, 12)[0]
     description = json.loads(data[20 : 20 + size])
     change(description)
@@ -55,6 +56,51 @@ def test_files_of_less_are_read_as_less(tmp_path: Path, kind: type):
     assert np.array_equal(again.faces, asset.faces)
 
 
+def unrounded(asset: Any, name: str) -> float:
+    """How far rounding may take a part of the asset."""
+    edge = np.ptp(asset.vertices, axis=0).max()
+    rigged = isinstance(asset, Asset)
+    return {
+        "vertices": 0 if rigged else 0.51 * edge / 65534 + 1e-7,
+        "normals": 1 / 127,
+        "uv": 0.51 / 65535,
+        "weights": 2 / 65535,
+    }[name]
+
+
+@pytest.mark.parametrize("kind", [PlainAsset, TexturedAsset, Asset])
+def test_rounded_files_are_read_within_their_rounding(tmp_path: Path, kind: type):
+    whole = mapped(tube(joint_count=3, tilt=0.4))
+    asset = kind(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(kind)})
+    export(asset, tmp_path / "a.glb", Encoding(quantize=True))
+    again = read_glb(tmp_path / "a.glb")
+    assert type(again) is kind
+    assert np.array_equal(again.faces, asset.faces)
+    for name in ("vertices", "normals", "uv", "weights"):
+        if hasattr(asset, name):
+            off = np.abs(getattr(again, name).astype(np.float64) - getattr(asset, name)).max()
+            assert off <= unrounded(asset, name), name
+    if isinstance(again, TexturedAsset):
+        assert again.normal_map is not None
+        assert np.abs(again.normal_map.tangents - asset.normal_map.tangents).max() <= 1 / 127
+    assert np.linalg.norm(again.normals, axis=1) == pytest.approx(1, abs=1e-6)
+
+
+def test_whole_numbers_that_are_no_shares_are_themselves(tmp_path: Path):
+    """As other programs round: steps of a length that the node says."""
+    asset = tube()
+    plain = PlainAsset(**{field.name: getattr(asset, field.name) for field in dataclasses.fields(PlainAsset)})
+    export(plain, tmp_path / "a.glb", Encoding(quantize=True))
+
+    def plainly(found: dict[str, Any]) -> None:
+        del found["accessors"][found["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]["normalized"]
+        found["nodes"][0]["scale"] = [s / 32767 for s in found["nodes"][0]["scale"]]
+
+    (tmp_path / "b.glb").write_bytes(altered(plainly, (tmp_path / "a.glb").read_bytes()))
+    first, second = (read_glb(tmp_path / name).vertices for name in ("a.glb", "b.glb"))
+    assert second == pytest.approx(first, abs=1e-6)
+
+
 def test_joints_that_come_before_their_parents_are_sorted(tmp_path: Path):
     def turn_around(found: dict[str, Any]) -> None:
         skin = found["skins"][0]
@@ -77,12 +123,26 @@ def set_in(*path: Any, to: Any) -> Any:
     return change
 
 
+def stand_alone(**transform: Any) -> Any:
+    """The mesh's node without its skin, transformed."""
+
+    def change(found: Any) -> None:
+        node = next(node for node in found["nodes"] if "mesh" in node)
+        del node["skin"]
+        node.update(transform)
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
         (set_in("extensionsRequired", to=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
         (set_in("nodes", 2, to={}), "no mesh"),
         (set_in("meshes", 0, "primitives", 0, "mode", to=1), "no triangles"),
+        (stand_alone(scale=[1, 2, 1]), "unevenly"),
+        (stand_alone(scale=[0, 0, 0]), "unevenly"),
+        (stand_alone(translation=[0, 0]), "no place"),
         (set_in("accessors", 0, "count", to=10**12), "beyond its buffer"),
         (set_in("accessors", 0, "count", to=-1), "no index or count"),
         (set_in("accessors", 0, "sparse", to={}), "sparse"),
