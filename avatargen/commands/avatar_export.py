@@ -5,7 +5,7 @@ Only what `--help` and bad arguments need is imported here; `export_run` brings 
 
 import argparse
 import sys
-from argparse import ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -59,9 +59,7 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     parser = OneLineParser(
         PROGRAM,
         description=DESCRIPTION,
-        epilog=EXAMPLES,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        examples=EXAMPLES,
     )
     add = parser.add_argument
     add(

@@ -12,7 +12,7 @@ PROGRAM = "avatargen body convert"
 
 def main(arguments: Sequence[str] | None = None) -> int:
     def command() -> None:
-        parser = OneLineParser(PROGRAM, description=__doc__, allow_abbrev=False)
+        parser = OneLineParser(PROGRAM, description=__doc__)
         parser.add_argument("source", type=Path, metavar="MODEL.pkl", help="a body in SMPL's format")
         parser.add_argument("target", type=Path, metavar="BODY.npz", help="where to write")
         convert(parser.parse_args(arguments))

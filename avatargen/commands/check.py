@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sound: list[bool] = []
 
     def command() -> None:
-        parser = OneLineParser(PROGRAM, description=__doc__, allow_abbrev=False)
+        parser = OneLineParser(PROGRAM, description=__doc__)
         parser.add_argument("file", type=Path, help="a file of any format that avatar-export writes")
         sound.append(check(parser.parse_args(arguments).file))
 

@@ -2,7 +2,6 @@
 
 import sys
 import time
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -32,9 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = OneLineParser(
         PROGRAM,
         description=__doc__,
-        epilog=EXAMPLE,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        examples=EXAMPLE,
     )
     add_sources(parser)
     add_settings(parser)

@@ -3,7 +3,6 @@
 import os
 import sys
 import time
-from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,9 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = OneLineParser(
         PROGRAM,
         description=__doc__,
-        epilog=EXAMPLE,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        examples=EXAMPLE,
     )
     add = parser.add_argument
     add("--people", type=whole_number(1, 99999), required=True, metavar="N", help="how many people")

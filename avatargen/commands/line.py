@@ -21,7 +21,14 @@ FEWEST_FACES, MOST_FACES = 100, 2_000_000
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """An argument parser whose complaints are one line, not a page of usage."""
+    """An argument parser whose complaints are one line, not a page of usage, and whose options are written in
+    full. With examples at the end, its help keeps its line breaks."""
+
+    def __init__(self, program: str, description: str | None, examples: str | None = None) -> None:
+        kept = argparse.RawDescriptionHelpFormatter if examples else argparse.HelpFormatter
+        super().__init__(
+            program, description=description, epilog=examples, formatter_class=kept, allow_abbrev=False
+        )
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message}; see {self.prog} --help")

@@ -3,7 +3,7 @@
 Only what bad arguments need is imported at the top.
 """
 
-from argparse import Namespace, RawDescriptionHelpFormatter
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,9 +35,7 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     parser = OneLineParser(
         PROGRAM,
         description="Draw a person, given by seed or as a .glb file, into a picture, a turntable or a film.",
-        epilog=EXAMPLES,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        examples=EXAMPLES,
     )
     add = parser.add_argument
     add("source", metavar="SEED|FILE.glb", help="which person, or a file that avatar-export wrote")

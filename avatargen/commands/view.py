@@ -4,7 +4,7 @@ Only what bad arguments need is imported at the top.
 """
 
 import sys
-from argparse import Namespace, RawDescriptionHelpFormatter
+from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from importlib.util import find_spec
@@ -30,9 +30,7 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     parser = OneLineParser(
         PROGRAM,
         description="Look at people in the browser: seeds, poses, clips, skin weights, error; download them.",
-        epilog=EXAMPLES,
-        formatter_class=RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+        examples=EXAMPLES,
     )
     add = parser.add_argument
     add("--seed", type=whole_number(0, 2**53 - 1), default=3, metavar="N", help="first person (default: 3)")
