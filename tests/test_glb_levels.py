@@ -14,7 +14,7 @@ from exporters import export, glb
 from exporters.glb_levels import coverages
 from exporters.read_glb import read_glb
 from tests.test_glb import load, read
-from tests.tube import tube
+from tests.tube import tube, welded
 from tests.verdicts import (
     JUDGES,
     blender_python,
@@ -27,9 +27,7 @@ from tests.verdicts import (
 
 def levelled_tube() -> Asset:
     """A tube of 720 faces with levels of 400 and 150."""
-    rig = tube(rings=18, sides=20, joint_count=4, tilt=0.2)
-    _, welded = np.unique(rig.vertices.round(6), axis=0, return_inverse=True)
-    return with_levels(replace(rig, welded=welded.reshape(-1).astype(np.int64)), (400, 150))
+    return with_levels(welded(tube(rings=18, sides=20, joint_count=4, tilt=0.2)), (400, 150))
 
 
 def test_levels_share_everything_but_their_indices() -> None:

@@ -15,7 +15,7 @@ from assets.asset import Asset, PlainAsset
 from avatargen.errors import InputError
 from exporters import encode, export, ply, stl
 from exporters.weld import weld
-from tests.tube import tube
+from tests.tube import tube, welded
 from tests.verdicts import JUDGES, blender_python
 
 Z_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # Blender's axes from ours
@@ -24,9 +24,7 @@ SUFFIXES = [".obj", ".ply", ".stl"]
 
 def seamed(**shape) -> Asset:
     """The tube with the seam and both ends' fans welded by place, as assets are that were built."""
-    asset = tube(rings=24, **shape)
-    _, number = np.unique(asset.vertices.round(6), axis=0, return_inverse=True)
-    return replace(asset, welded=number.ravel())
+    return welded(tube(rings=24, **shape))
 
 
 def plain(asset: PlainAsset) -> PlainAsset:

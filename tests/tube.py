@@ -73,6 +73,12 @@ def tube(rings: int = 12, sides: int = 16, joint_count: int = 2, size: int = 64,
     )
 
 
+def welded(asset: Asset) -> Asset:
+    """The asset knowing which of its vertices stand in one place."""
+    _, number = np.unique(asset.vertices.round(6), axis=0, return_inverse=True)
+    return replace(asset, welded=number.reshape(-1).astype(np.int64))
+
+
 def tube_faces(rings: int, sides: int) -> np.ndarray:
     row, column = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing="ij")
     corner = (row * (sides + 1) + column).ravel()
