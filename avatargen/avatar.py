@@ -18,7 +18,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 from avatargen import __version__
-from avatargen.body.distance import BodyDistance
+from avatargen.body.distance import BodyDistance, near_order
 from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
 from avatargen.body.model import Body, CanonicalBody, canonical_body
@@ -29,10 +29,11 @@ from avatargen.generator.config import GeneratorConfig, PlanesConfig, body_hash
 from avatargen.generator.decoder import BodyPoints, PartLayers, body_points, fit_reach, interpolate
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.planes import lookup_bilinear, plane_table
+from avatargen.threads import spread
 
 LARGEST_SEED = 2**63 - 1
-QUERY_CHUNK = 1 << 18  # points whose body distances are held at once
-FIELD_CHUNK = 1 << 15  # points that go through the network at once: stays in the processor's cache
+CPU_CHUNK = 1 << 13  # points that go through the network at once: stays in a core's cache
+GPU_CHUNK = 1 << 18
 BOX_MARGIN = 0.05  # metres around the body that an avatar's box always has
 
 
@@ -58,7 +59,7 @@ class PersonField:
     offset: Float[Tensor, "3"]  # metres from a point to where the generator's own body has it
 
     def ask(
-        self, points: Float[Tensor, "N 3"], body: BodyPoints, heads: Literal["shape", "picture"]
+        self, points: Float[Tensor, "N 3"], body: BodyPoints, heads: Literal["shape", "color"]
     ) -> Float[Tensor, "1 N outputs"]:
         """A head of the decoder at canonical points."""
         points = points + self.offset
@@ -105,29 +106,32 @@ class Avatar:
         """
 
         def color(points: Tensor, body: BodyPoints) -> Tensor:
-            return self.field.ask(points, body, "picture")[0, :, :3]
+            return self.field.ask(points, body, "color")[0]
 
         return self.evaluate(points, color, "colour").clamp(0, 1)
 
     def evaluate(self, points: Tensor, head: Callable[[Tensor, BodyPoints], Tensor], what: str) -> Tensor:
-        """Ask a head of the field at any number of points, in chunks; one body query serves each point."""
+        """Ask a head of the field at any number of points, in chunks of neighbours; one query of the body
+        serves each point."""
         device = self.field.w.device
         faces = torch.from_numpy(self.body.faces).to(device)
-        parts = []
-        for outer in points.to(device, torch.float32).split(QUERY_CHUNK):
-            near = body_points(self.field.distance.query(outer.cpu().numpy()), faces)
-            for start in range(0, max(len(outer), 1), FIELD_CHUNK):  # no points are one empty chunk
-                part = slice(start, start + FIELD_CHUNK)
-                body = BodyPoints(
-                    distance=near.distance[:, part],
-                    vertices=near.vertices[:, part],
-                    barycentric=near.barycentric[:, part],
-                )
-                parts.append(head(outer[part], body))
-        values = torch.cat(parts).to(points.device)
+        given = points.to("cpu", torch.float32)
+        if not torch.isfinite(given).all():
+            raise FieldError("avatar: points hold NaN or infinity; ask at finite points")
+        order = torch.from_numpy(near_order(given.numpy()))
+
+        @torch.inference_mode()
+        def answer(index: Tensor) -> Tensor:
+            chunk = given[index]
+            return head(chunk.to(device), body_points(self.field.distance.query(chunk.numpy()), faces))
+
+        chunks = order.split(CPU_CHUNK if device.type == "cpu" else GPU_CHUNK)
+        found = torch.cat(spread(answer, chunks) if device.type == "cpu" else [answer(c) for c in chunks])
+        values = torch.empty_like(found)
+        values[order.to(device)] = found
         if not torch.isfinite(values).all():
             raise FieldError(f"avatar: the {what} of seed {self.seed} is NaN or infinite; check the weights")
-        return values
+        return values.to(points.device)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import avatargen
-from avatargen.avatar import FIELD_CHUNK, AvatarSampler, load_generator
+from avatargen.avatar import CPU_CHUNK, AvatarSampler, load_generator
 from avatargen.body.load import save_body
 from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
@@ -70,12 +70,23 @@ def test_sampling_neither_uses_nor_changes_the_global_random_state(sampler: Avat
 
 def test_chunks_do_not_show(sampler: AvatarSampler):
     avatar = sampler.sample(0)
-    points = points_near_body(FIELD_CHUNK + 1000)[0][0]
+    points = points_near_body(CPU_CHUNK + 1000)[0][0]
     whole = avatar.sdf(points)
     parts = torch.cat([avatar.sdf(part) for part in points.split(9999)])
     assert (whole - parts).abs().max() < 1e-5
     assert avatar.color(points[:0]).shape == (0, 3)
     assert avatar.sdf(points[:0]).shape == (0,)
+
+
+def test_threads_do_not_show(sampler: AvatarSampler):
+    avatar, points = sampler.sample(0), points_near_body(3 * CPU_CHUNK)[0][0]
+    before, answers = torch.get_num_threads(), []
+    for threads in (1, 2, 3):
+        torch.set_num_threads(threads)
+        answers.append(avatar.color(points))
+        assert torch.get_num_threads() == threads
+    torch.set_num_threads(before)
+    assert torch.equal(answers[0], answers[1]) and torch.equal(answers[0], answers[2])
 
 
 def test_what_an_avatar_says_of_itself(sampler: AvatarSampler, weights: Path):

@@ -72,6 +72,22 @@ def test_parts_are_blended_by_their_shares():
     assert decoder(x[:, :0], points[:, :0], layers).shape == (2, 0, 2 + decoder.config.features)
 
 
+def test_points_of_one_part_and_the_colour_alone_are_no_different():
+    decoder = random_generator(parts=PARTS).double().decoder
+    points = torch.rand(1, 400, 3, dtype=torch.float64) * 2 - 1
+    x = torch.randn(1, 400, inputs_of(decoder), dtype=torch.float64)
+    layers = decoder.layers_of(torch.randn(1, 32).double())
+    assert decoder.shares is not None
+    alone = decoder.shares(points)[0, :, 0] == 1  # such chunks take a shorter way
+    both = decoder(x, points, layers)
+    assert 0 < alone.sum() < 400
+    assert torch.allclose(decoder(x[:, alone], points[:, alone], layers), both[:, alone], atol=1e-12)
+    for kept in (slice(None), alone):
+        with torch.no_grad():
+            color = decoder(x[:, kept], points[:, kept], layers, "color")
+        assert torch.allclose(color, both[:, kept, 2:5], atol=1e-12)
+
+
 def inputs_of(decoder: Decoder) -> int:
     """How many numbers the networks read at each point."""
     first = decoder.networks[0]

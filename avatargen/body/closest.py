@@ -188,7 +188,26 @@ def search(rows, order, boxes, points, squared, face, barycentric):
         barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1 - second - third, second, third
 
 
+def is_inside(points, corners, normals, face, barycentric, on_edge, inside):
+    """Whether points lie behind the feature of the face that their closest point is on: the face, the edge
+    opposite a corner or a corner (seven `normals` a face, in this order); `on_edge` as in `distance`."""
+    for i in range(len(points)):
+        f, b0, b1, b2 = face[i], barycentric[i, 0], barycentric[i, 1], barycentric[i, 2]
+        zero0, zero1, zero2 = b0 <= on_edge, b1 <= on_edge, b2 <= on_edge
+        on = 0
+        if zero0 + zero1 + zero2 == 1:
+            on = 1 * zero0 + 2 * zero1 + 3 * zero2
+        elif zero0 + zero1 + zero2 == 2:
+            on = 4 * (not zero0) + 5 * (not zero1) + 6 * (not zero2)
+        across = 0.0
+        for d in range(3):
+            foot = b0 * corners[f, 0, d] + b1 * corners[f, 1, d] + b2 * corners[f, 2, d]
+            across += (points[i, d] - foot) * normals[f, on, d]
+        inside[i] = across < 0
+
+
 on_edge = compiled(on_edge, inline="always")
 on_face = compiled(on_face, inline="always")
 to_box = compiled(to_box, inline="always")
 search = compiled(search)
+is_inside = compiled(is_inside)

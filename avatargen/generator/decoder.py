@@ -21,10 +21,10 @@ from avatargen.body.model import CanonicalBody
 from avatargen.body.reach import outer_reach
 from avatargen.errors import InputError
 from avatargen.generator.config import DecoderConfig
-from avatargen.generator.layers import EqualLinear, leaky_relu
+from avatargen.generator.layers import ACTIVATION_GAIN, LEAK, EqualLinear, leaky_relu
 from avatargen.generator.parts import Shares
 
-Heads = Literal["shape", "picture", "both"]
+Heads = Literal["shape", "color", "picture", "both"]
 PLANE_GAIN = 1 / 3  # of the sum of three planes: brings it near unit size
 REGION_GAIN = 6.0  # steepness of the softmax that chooses a colour
 COLOR_MARGIN = 0.001  # lets the sigmoid reach 0 and 1
@@ -71,6 +71,11 @@ class Matrix:
         if self.weight.ndim == 2:
             return x @ self.weight + self.bias
         return torch.baddbmm(self.bias, x, self.weight)
+
+    def columns(self, *parts: slice) -> "Matrix":
+        """The same for some of the outputs."""
+        weight, bias = (torch.cat([m[..., part] for part in parts], dim=-1) for m in (self.weight, self.bias))
+        return Matrix(weight=weight, bias=bias)
 
 
 class PersonalLinear(nn.Module):
@@ -134,15 +139,24 @@ class PartNetwork(nn.Module):
         )
 
     def forward(self, x: Float[Tensor, "B N I"], layers: PartLayers, heads: Heads) -> Float[Tensor, "B N O"]:
-        """The heads' outputs: `shape`'s two columns, `paint`'s, or both in this order."""
+        """The heads' outputs: `shape`'s two columns, `dye`'s three, `paint`'s, or the first and last."""
         for layer in layers.hidden:
-            x = layer(x)
-            x = leaky_relu(x) if self.config.activation == "leaky_relu" else F.softplus(x)
+            x = self.activate(layer(x))
         if heads == "shape":
             return self.shape(x, layers)
+        if heads == "color":
+            return self.dye(x, layers)
         if heads == "picture":
             return self.paint(x, layers)
         return torch.cat([self.shape(x, layers), self.paint(x, layers)], dim=-1)
+
+    def activate(self, x: Float[Tensor, "B N H"]) -> Float[Tensor, "B N H"]:
+        """The hidden layers' activation; in place where no gradient asks for what was there."""
+        if self.config.activation == "softplus":
+            return F.softplus(x)
+        if torch.is_grad_enabled():
+            return leaky_relu(x)
+        return F.leaky_relu_(x, LEAK).mul_(ACTIVATION_GAIN)
 
     def shape(self, hidden: Float[Tensor, "B N H"], layers: PartLayers) -> Float[Tensor, "B N 2"]:
         """The residual, in metres and never past `residual_limit`; and the share of the body's distance,
@@ -154,18 +168,28 @@ class PartNetwork(nn.Module):
         taken = torch.tanh(raw[..., 1:]) if self.config.gated else torch.zeros_like(residual)
         return torch.cat([residual, taken], dim=-1)
 
+    def dye(self, hidden: Float[Tensor, "B N H"], layers: PartLayers) -> Float[Tensor, "B N 3"]:
+        """The colour alone."""
+        regions = slice(self.config.features, self.config.features + self.config.regions)
+        raw = layers.picture.columns(slice(3), regions)(hidden)
+        return self.color(raw[..., :3], raw[..., 3:], layers)
+
     def paint(self, hidden: Float[Tensor, "B N H"], layers: PartLayers) -> Float[Tensor, "B N K"]:
-        """Features; the first three are the colour: sRGB, 0..1 within `COLOR_MARGIN`.
+        """Features; the first three are the colour."""
+        raw = layers.picture(hidden)
+        features, regions = raw.split([self.config.features, self.config.regions], dim=-1)
+        return torch.cat([self.color(features[..., :3], regions, layers), features[..., 3:]], dim=-1)
+
+    def color(
+        self, raw: Float[Tensor, "B N 3"], regions: Float[Tensor, "B N R"], layers: PartLayers
+    ) -> Float[Tensor, "B N 3"]:
+        """sRGB, 0..1 within `COLOR_MARGIN`.
 
         With regions, a steep softmax says which of the person's few colours a point has.
         """
-        raw = layers.picture(hidden)
-        features, regions = raw.split([self.config.features, self.config.regions], dim=-1)
-        color, others = features[..., :3], features[..., 3:]
         if layers.palette is not None:
-            color = color + torch.softmax(REGION_GAIN * regions, dim=-1) @ layers.palette
-        color = torch.sigmoid(color) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
-        return torch.cat([color, others], dim=-1)
+            raw = raw + torch.softmax(REGION_GAIN * regions, dim=-1) @ layers.palette
+        return torch.sigmoid(raw) * (1 + 2 * COLOR_MARGIN) - COLOR_MARGIN
 
 
 class Decoder(nn.Module):
@@ -228,16 +252,19 @@ class Decoder(nn.Module):
         if self.shares is None or not count:
             return self.networks[0](x, layers[0], heads)
         shares = self.shares(points)
+        present = (shares > 0).sum(dim=1).amax(dim=0).tolist()  # points that each part has at most
+        if max(present) == count and sum(present) == count:  # all points lie in one part alone
+            part = present.index(count)
+            return self.networks[part](x, layers[part], heads)
         first = torch.arange(people, device=x.device)[:, None] * count
         total = None
-        for part, network in enumerate(self.networks):
-            some = int((shares[..., part] > 0).sum(dim=1).max())
+        for part, some in enumerate(present):
             if not some:
                 continue
             share, index = shares[..., part].topk(some, dim=1, sorted=False)
             rows = (index + first).flatten()
             part_x = x.flatten(0, 1).index_select(0, rows).unflatten(0, index.shape)
-            own = (network(part_x, layers[part], heads) * share[..., None]).flatten(0, 1)
+            own = (self.networks[part](part_x, layers[part], heads) * share[..., None]).flatten(0, 1)
             if total is None:
                 total = own.new_zeros(people * count, own.shape[-1])
             total = total.index_add(0, rows, own)

@@ -48,6 +48,8 @@ class Shares(nn.Module):
 
     def forward(self, points: Float[Tensor, "*batch N 3"]) -> Float[Tensor, "*batch N P"]:
         """Shares of every point, each 0..1 and 1 in sum."""
-        weight = torch.softmax(points @ self.slope + self.level, dim=-1) @ self.owner
+        # places before points, so that sums over them run through memory
+        nearness = self.slope.T @ points.mT + self.level[:, None]
+        weight = self.owner.T @ torch.softmax(nearness, dim=-2)
         kept = (weight - LEAST).clamp_min(0).square()
-        return kept / kept.sum(dim=-1, keepdim=True)  # with up to nine parts one has more than LEAST
+        return (kept / kept.sum(dim=-2, keepdim=True)).mT  # with up to nine parts one has more than LEAST
