@@ -54,7 +54,7 @@ def clean(surface: Surface) -> Surface:
 def tidy(surface: Surface) -> Cleaning:
     """`clean` with its report. Raises the same errors."""
     kept, dropped = keep_largest(surface)
-    defects = find_defects(kept)
+    defects = find_defects(kept, components=1)
     if not defects:
         return Cleaning(surface=kept, dropped_components=dropped, repaired="")
     for method in (mend, repair):

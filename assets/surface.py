@@ -50,14 +50,15 @@ class Defects:
         return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in vars(self).items() if count)
 
 
-def find_defects(surface: Surface) -> Defects:
-    """Check everything the pipeline promises about its meshes."""
+def find_defects(surface: Surface, components: int | None = None) -> Defects:
+    """Check everything the pipeline promises about its meshes; `components` where their number is known."""
+    components = label_components(surface)[0] if components is None else components
     twin = opposite_edges(surface.faces, len(surface.vertices))
     return Defects(
         bad_edges=int((twin < 0).sum()),
         bad_vertices=count_split_vertices(surface, twin),
         thin_faces=count_thin_faces(surface),
-        extra_components=max(0, int(label_components(surface)[0]) - 1),
+        extra_components=max(0, components - 1),
         inward=int(not volume(surface) > FLAT * extent(surface) ** 3),
     )
 
@@ -78,9 +79,15 @@ def require_sound(surface: Surface, stage: str) -> Surface:
 
 def count_thin_faces(surface: Surface) -> int:
     """Faces whose area is nothing beside the square of their longest edge."""
-    corners = surface.vertices[surface.faces]
-    longest = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=2).max(axis=1, initial=0)
-    return int((face_areas(surface) <= THIN * longest).sum())
+    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
+    u, v = b - a, c - a
+    longest = np.maximum(np.maximum(squares(u), squares(v)), squares(v - u))
+    return int((0.5 * np.sqrt(squares(np.cross(u, v))) <= THIN * longest).sum())
+
+
+def squares(vectors: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+    """Squared lengths."""
+    return np.einsum("nd,nd->n", vectors, vectors)
 
 
 def directed_edges(faces: Int64[np.ndarray, "F 3"]) -> Int64[np.ndarray, "E 2"]:
@@ -96,16 +103,16 @@ def edge_lengths(surface: Surface, edges: Int64[np.ndarray, "E 2"]) -> Float64[n
 def opposite_edges(faces: Int64[np.ndarray, "F 3"], vertex_count: int) -> Int64[np.ndarray, " E"]:
     """For each directed edge the index of its one opposite, or -1 where it has none or several, or is itself
     repeated."""
-    edges = directed_edges(faces)
-    low, high = edges.min(axis=1), edges.max(axis=1)
-    order = np.argsort(low * vertex_count + high, kind="stable")
-    ordered = (low * vertex_count + high)[order]
+    start, end = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
+    name = np.minimum(start, end) * vertex_count + np.maximum(start, end)
+    order = np.argsort(name, kind="stable")
+    ordered = name[order]
     first = np.flatnonzero(np.diff(ordered, prepend=-1))  # of each undirected edge
     pair = first[np.diff(first, append=len(ordered)) == 2]
     a, b = order[pair], order[pair + 1]
-    opposed = edges[a, 0] == edges[b, 1]
+    opposed = start[a] == end[b]
     a, b = a[opposed], b[opposed]
-    twin = np.full(len(edges), -1, dtype=np.int64)
+    twin = np.full(len(start), -1, dtype=np.int64)
     twin[a], twin[b] = b, a
     return twin
 
@@ -131,7 +138,7 @@ def label_components(surface: Surface) -> tuple[int, Int64[np.ndarray, " V"]]:
     """Number of connected components and the component of each vertex."""
     count = len(surface.vertices)
     rows = surface.faces.reshape(-1)
-    columns = np.roll(surface.faces, -1, axis=1).reshape(-1)
+    columns = surface.faces[:, [1, 2, 0]].reshape(-1)
     graph = coo_array((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(count, count))
     components, label = connected_components(graph, directed=False)
     return int(components), label.astype(np.int64)

@@ -100,10 +100,9 @@ def near_order(points: Float[np.ndarray, "N 3"]) -> Int64[np.ndarray, " N"]:
     interleaved (Morton 1966). Points of one cell keep their order."""
     if len(points) < 2:
         return np.arange(len(points))
-    low = points.min(axis=0)
-    side = np.maximum(points.max(axis=0) - low, 1e-12).max()
-    cell = ((points - low) * (255 / side)).astype(np.uint8)
-    x, y, z = SPREAD_BITS[cell].T
+    columns = [np.ascontiguousarray(column, dtype=np.float64) for column in points.T]
+    scale = 255 / max(1e-12, *(np.ptp(column) for column in columns))
+    x, y, z = (SPREAD_BITS[((column - column.min()) * scale).astype(np.uint8)] for column in columns)
     code = x | y << 1 | z << 2
     order = np.argsort((code & 0xFFFF).astype(np.uint16), kind="stable")  # linear for numbers so small
     return order[np.argsort((code >> 16).astype(np.uint8)[order], kind="stable")]
