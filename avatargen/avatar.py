@@ -115,23 +115,26 @@ class Avatar:
         serves each point."""
         device = self.field.w.device
         faces = torch.from_numpy(self.body.faces).to(device)
-        given = points.to("cpu", torch.float32)
-        if not torch.isfinite(given).all():
+        given = points.to("cpu", torch.float32).numpy()
+        if not np.isfinite(given).all():
             raise FieldError("avatar: points hold NaN or infinity; ask at finite points")
-        order = torch.from_numpy(near_order(given.numpy()))
+        order = near_order(given)
 
         @torch.inference_mode()
-        def answer(index: Tensor) -> Tensor:
+        def answer(index: np.ndarray) -> np.ndarray:
             chunk = given[index]
-            return head(chunk.to(device), body_points(self.field.distance.query(chunk.numpy()), faces))
+            body = body_points(self.field.distance.query(chunk), faces)
+            return head(torch.from_numpy(chunk).to(device), body).cpu().numpy()
 
-        chunks = order.split(CPU_CHUNK if device.type == "cpu" else GPU_CHUNK)
-        found = torch.cat(spread(answer, chunks) if device.type == "cpu" else [answer(c) for c in chunks])
-        values = torch.empty_like(found)
-        values[order.to(device)] = found
-        if not torch.isfinite(values).all():
+        size = CPU_CHUNK if device.type == "cpu" else GPU_CHUNK
+        chunks = [order[start : start + size] for start in range(0, max(len(order), 1), size)]
+        # numpy joins them: torch's own threads, once woken, would stand in the way of these for a while
+        found = np.concatenate(spread(answer, chunks) if device.type == "cpu" else list(map(answer, chunks)))
+        values = np.empty_like(found)
+        values[order] = found
+        if not np.isfinite(values).all():
             raise FieldError(f"avatar: the {what} of seed {self.seed} is NaN or infinite; check the weights")
-        return values.to(points.device)
+        return torch.from_numpy(values).to(points.device)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
