@@ -16,7 +16,9 @@ ON_EDGE = 1e-9  # barycentric coordinate under which a closest point counts as o
 CELL = 0.02  # metres; points nearer than this to their predecessor count as coherent
 COHERENCE_SAMPLE = 4096
 # of each number of eight bits the same bits, two places apart
-SPREAD_BITS = sum((np.arange(256, dtype=np.uint32) >> bit & 1) << 3 * bit for bit in range(8))
+SPREAD_BITS = np.bitwise_or.reduce(
+    [(np.arange(256, dtype=np.uint32) >> bit & 1) << 3 * bit for bit in range(8)]
+)
 
 
 @dataclass(frozen=True, kw_only=True)
