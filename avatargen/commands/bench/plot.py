@@ -63,7 +63,7 @@ def draw_surfaces(axes: Any, rows: Sequence[SurfaceRow], comparison: Sequence[Co
         axes.plot(row.cpu_seconds, row.p99_mm, "*" if row is comparison[0] else "X", ms=11, label=row.name)
     axes.set(xscale="log", yscale="log", xlabel="processor seconds to mesh and charts (marks: to the file)")
     axes.set(ylabel="mesh to field, 99th percentile, mm", title="Surface error against run time")
-    axes.legend(fontsize=7, ncols=2)
+    axes.legend(fontsize=7, loc="upper left", ncols=1, bbox_to_anchor=(1.0, 1.0))  # beside, over no mark
     axes.grid(which="both", alpha=0.25)
 
 
@@ -96,7 +96,7 @@ def draw_textures(axes: Any, rows: Sequence[TextureRow]) -> None:
 
 
 def draw_steps(axes: Any, mapping: Sequence[MappingRow], rays: Sequence[RayRow]) -> None:
-    """Noise of volume rendering against its seconds; the mapping's neighbours in the title."""
+    """Noise of volume rendering against its seconds; the mapping's neighbours in a corner."""
     groups = grouped(rays, lambda row: row.steps)
     seconds = [median(group, lambda row: row.seconds) for group in groups]
     noise = [median(group, lambda row: row.psnr_db) for group in groups]
@@ -104,9 +104,10 @@ def draw_steps(axes: Any, mapping: Sequence[MappingRow], rays: Sequence[RayRow])
     for group, x, y in zip(groups, seconds, noise, strict=True):
         label(axes, f"{group[0].steps} steps", x, y)
     found = grouped(mapping, lambda row: row.nearest)
-    text = ", ".join(f"K={g[0].nearest}: {median(g, lambda row: row.median_mm):.2f}" for g in found)
-    axes.set(xscale="log", xlabel="seconds a picture", ylabel="PSNR, dB")
-    axes.set(title=f"Steps a ray; median posed error, mm: {text}")
+    lines = [f"K = {g[0].nearest}: {median(g, lambda row: row.median_mm):.2f}" for g in found]
+    text = "\n".join(["median posed error, mm", *lines])
+    axes.text(0.98, 0.04, text, transform=axes.transAxes, ha="right", fontsize=8)
+    axes.set(xscale="log", xlabel="seconds a picture", ylabel="PSNR, dB", title="Steps a ray")
     axes.grid(which="both", alpha=0.25)
 
 
