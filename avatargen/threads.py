@@ -16,9 +16,10 @@ def spread(work: Callable[[Piece], Result], pieces: Sequence[Piece]) -> list[Res
     threads = torch.get_num_threads()
     if threads == 1:
         return [work(piece) for piece in pieces]
-    with ThreadPoolExecutor(
-        min(threads, len(pieces)), initializer=torch.set_num_threads, initargs=(1,)
-    ) as pool:
-        results = list(pool.map(work, pieces))
-    torch.set_num_threads(threads)  # what the workers set is also what threads to come begin with
-    return results
+    try:
+        with ThreadPoolExecutor(
+            min(threads, len(pieces)), initializer=torch.set_num_threads, initargs=(1,)
+        ) as pool:
+            return list(pool.map(work, pieces))
+    finally:
+        torch.set_num_threads(threads)  # what the workers set is also what threads to come begin with

@@ -1,5 +1,6 @@
 import threading
 
+import pytest
 import torch
 
 from avatargen.threads import spread
@@ -18,5 +19,24 @@ def test_results_come_in_order_and_torch_keeps_its_threads():
         assert torch.get_num_threads() == 2
         torch.set_num_threads(1)
         assert spread(lambda piece: piece**2, [3, 4]) == [9, 16]
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_an_error_is_passed_on_and_torch_keeps_its_threads():
+    def work(piece: int) -> int:
+        raise ValueError(str(piece))
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    begins_with: list[int] = []
+    try:
+        with pytest.raises(ValueError, match="0"):
+            spread(work, range(3))
+        assert torch.get_num_threads() == 2
+        later = threading.Thread(target=lambda: begins_with.append(torch.get_num_threads()))
+        later.start()
+        later.join()
+        assert begins_with == [2]
     finally:
         torch.set_num_threads(before)

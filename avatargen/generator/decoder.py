@@ -24,7 +24,7 @@ from avatargen.generator.config import DecoderConfig
 from avatargen.generator.layers import ACTIVATION_GAIN, LEAK, EqualLinear, leaky_relu
 from avatargen.generator.parts import Shares
 
-Heads = Literal["shape", "color", "picture", "both"]
+Heads = Literal["shape", "color", "both"]
 PLANE_GAIN = 1 / 3  # of the sum of three planes: brings it near unit size
 REGION_GAIN = 6.0  # steepness of the softmax that chooses a colour
 COLOR_MARGIN = 0.001  # lets the sigmoid reach 0 and 1
@@ -139,15 +139,13 @@ class PartNetwork(nn.Module):
         )
 
     def forward(self, x: Float[Tensor, "B N I"], layers: PartLayers, heads: Heads) -> Float[Tensor, "B N O"]:
-        """The heads' outputs: `shape`'s two columns, `dye`'s three, `paint`'s, or the first and last."""
+        """The heads' outputs: `shape`'s two columns, `dye`'s three, or both `shape`'s and `paint`'s."""
         for layer in layers.hidden:
             x = self.activate(layer(x))
         if heads == "shape":
             return self.shape(x, layers)
         if heads == "color":
             return self.dye(x, layers)
-        if heads == "picture":
-            return self.paint(x, layers)
         return torch.cat([self.shape(x, layers), self.paint(x, layers)], dim=-1)
 
     def activate(self, x: Float[Tensor, "B N H"]) -> Float[Tensor, "B N H"]:
