@@ -29,10 +29,32 @@ def invert_blend(
     one.
     """
     blended = blend(weights, transforms)
-    singular = ~(np.linalg.det(blended[:, :3, :3]) > MINIMUM_DETERMINANT)  # also catches NaN
+    across, determinant = adjugate(blended[:, :3, :3])
+    singular = ~(determinant > MINIMUM_DETERMINANT)  # also catches NaN
     if singular.any():
         blended[singular] = transforms[np.argmax(weights[singular], axis=1)]
-    return np.linalg.inv(blended)
+        across[singular], determinant[singular] = adjugate(blended[singular, :3, :3])
+    inverse = np.zeros_like(blended)
+    inverse[:, :3, :3] = across / determinant[:, None, None]
+    inverse[:, 3, 3] = 1 / blended[:, 3, 3]
+    inverse[:, :3, 3] = np.einsum("nij,nj->ni", inverse[:, :3, :3], blended[:, :3, 3])
+    inverse[:, :3, 3] *= -inverse[:, 3, 3, None]
+    return inverse
+
+
+def adjugate(
+    matrices: Float[np.ndarray, "N 3 3"],
+) -> tuple[Float[np.ndarray, "N 3 3"], Float[np.ndarray, " N"]]:
+    """What over the determinant is the inverse, and the determinant; faster than a general inverse."""
+    a, b, c = np.moveaxis(matrices, 1, 0)
+    across = np.stack([cross(b, c), cross(c, a), cross(a, b)], axis=2)
+    return across, np.einsum("ni,ni->n", a, across[:, :, 0])
+
+
+def cross(a: Float[np.ndarray, "N 3"], b: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+    """Cross products, several times as fast as numpy's."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def transform(
