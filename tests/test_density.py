@@ -34,3 +34,29 @@ def test_alpha_stays_positive_and_is_learned():
     density(torch.tensor([0.01, -0.01])).square().sum().backward()
     assert density.p.grad is not None
     assert torch.isfinite(density.p.grad)
+
+
+@pytest.mark.parametrize("alpha", [0.1, 3e-3, SMALLEST_ALPHA])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@torch.no_grad()
+def test_mean_density_between_two_distances_is_that_of_many(alpha: float, dtype: torch.dtype):
+    draw = torch.Generator().manual_seed(0)
+    first = torch.randn(500, generator=draw).to(dtype) * 10 * alpha
+    change = torch.randn(500, generator=draw).to(dtype) * alpha
+    last = first + change * 10.0 ** torch.linspace(-9, 1, 500).to(dtype)
+    density = Density(alpha).double()
+    share = (torch.arange(10_000).double() + 0.5) / 10_000
+    slow = density(torch.lerp(first.double()[:, None], last.double()[:, None], share)).mean(dim=1)
+    found = Density(alpha).to(dtype).between(first, last).double()
+    assert ((found - slow) / slow).abs().max() < (1e-4 if dtype == torch.float32 else 1e-5)
+
+
+def test_mean_density_between_is_finite_with_finite_slopes_everywhere():
+    ends = torch.tensor([-1e4, -1.0, -1e-6, 0.0, 1e-6, 1.0, 1e4])
+    first, last = (end.clone().requires_grad_() for end in torch.meshgrid(ends, ends, indexing="ij"))
+    for alpha in (SMALLEST_ALPHA, 1e-2, 10.0):
+        density = Density(alpha)
+        found = density.between(first, last)
+        slopes = torch.autograd.grad(found.sum(), [first, last, density.p])
+        assert torch.isfinite(found).all() and (found >= 0).all()
+        assert all(torch.isfinite(slope).all() for slope in slopes)

@@ -1,20 +1,34 @@
 """Volume rendering against analytic answers, and the geometry of cameras and rays."""
 
+import itertools
+
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
 from avatargen.generator.camera import Camera, camera_of_vector, front_camera, rays
-from avatargen.generator.renderer import Samples, box_interval, composite, stratify
+from avatargen.generator.density import Density
+from avatargen.generator.renderer import PIECES, Samples, box_interval, composite, stratify
 
 
+class Itself(Density):
+    """The density of rays whose numbers are densities already."""
+
+    def between(self, first: Tensor, last: Tensor) -> Tensor:
+        return (first + last) / 2
+
+
+itself = Itself(1.0)
+
+
+@pytest.mark.parametrize("count", [1, 7])
 @pytest.mark.parametrize("sigma", [0.0, 0.3, 5.0, 4000.0])
-def test_a_uniform_slab_lets_through_exp_of_its_optical_depth(sigma: float):
+def test_a_uniform_slab_lets_through_exp_of_its_optical_depth(sigma: float, count: int):
     near, far = torch.tensor([1.0]).double(), torch.tensor([3.0]).double()
-    samples = stratify(near, far, 7, torch.Generator().manual_seed(0))
-    rendering = composite(
-        torch.full((1, 7), sigma, dtype=torch.float64), torch.ones(1, 7, 2).double(), samples, far
-    )
+    samples = stratify(near, far, count, torch.Generator().manual_seed(0))
+    fog = torch.full((1, count), sigma, dtype=torch.float64)
+    rendering = composite(fog, torch.ones(1, count, 2).double(), samples, far, itself)
     seen = 1 - np.exp(-sigma * 2.0)
     assert rendering.mask.item() == pytest.approx(seen, abs=1e-12)
     assert rendering.features[0].tolist() == pytest.approx([seen, seen], abs=1e-12)
@@ -22,13 +36,28 @@ def test_a_uniform_slab_lets_through_exp_of_its_optical_depth(sigma: float):
 
 def test_mean_depth_in_fog_converges_to_its_integral():
     near, far, sigma = torch.tensor([1.0]).double(), torch.tensor([3.0]).double(), 1.7
-    samples = stratify(near, far, 4000)
-    rendering = composite(
-        torch.full((1, 4000), sigma, dtype=torch.float64), torch.zeros(1, 4000, 1).double(), samples, far
-    )
+    samples = stratify(near, far, 500)
+    fog = torch.full((1, 500), sigma, dtype=torch.float64)
+    rendering = composite(fog, torch.zeros(1, 500, 1).double(), samples, far, itself)
     # integral of t sigma exp(-sigma (t - 1)) from 1 to 3, plus what passes times far
     expected = 1 + (1 - np.exp(-2 * sigma)) / sigma
     assert rendering.depth.item() == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize("alpha", [1e-4, 1e-3, 1e-2])
+def test_a_surface_is_seen_at_its_place_however_few_samples_and_however_sharp(alpha: float):
+    place = torch.linspace(0.3, 0.7, 401).double()
+    near, far = torch.zeros(401).double(), torch.ones(401).double()
+    samples = stratify(near, far, 12)
+    density = Density(alpha).double()
+    seen = composite(place[:, None] - samples.depth, samples.depth[..., None], samples, far, density)
+    many = stratify(near, far, 2_000)
+    exact = composite(place[:, None] - many.depth, many.depth[..., None], many, far, density)
+    bin_width = 1 / 12
+    assert (seen.depth - exact.depth).abs().max() < bin_width / PIECES
+    assert (seen.depth - exact.depth).mean().abs() < bin_width / PIECES / 10  # no bias
+    assert (seen.features[:, 0] - exact.features[:, 0]).abs().max() < bin_width / PIECES
+    assert (seen.mask - exact.mask).abs().max() < 1e-6
 
 
 def test_composite_matches_a_slow_float64_loop():
@@ -38,23 +67,32 @@ def test_composite_matches_a_slow_float64_loop():
     samples = stratify(near, far, 12, draw)
     sigma = torch.rand(5, 12, generator=draw) * 30
     features = torch.rand(5, 12, 4, generator=draw)
-    rendering = composite(sigma, features, samples, far)
+    rendering = composite(sigma, features, samples, far, itself)
     for ray in range(5):
-        passed, total = 1.0, np.zeros(4)
-        for i in range(12):
-            alpha = 1 - np.exp(-float(sigma[ray, i]) * float(samples.width[ray]))
-            total += passed * alpha * features[ray, i].double().numpy()
-            passed *= 1 - alpha
+        z, numbers = samples.depth[ray].double().numpy(), sigma[ray].double().numpy()
+        ends = np.concatenate([[float(near[ray])], z, [float(far[ray])]])
+        passed, total, depth = 1.0, np.zeros(4), 0.0
+        for start, end in itertools.pairwise(ends):
+            for piece in range(PIECES):
+                a, b = (start + (end - start) * (piece + k) / PIECES for k in (0, 1))
+                thick = (b - a) * (np.interp(a, z, numbers) + np.interp(b, z, numbers)) / 2
+                seen = passed * (1 - np.exp(-thick))
+                color = [np.interp((a + b) / 2, z, f) for f in features[ray].double().numpy().T]
+                total += seen * np.array(color)
+                depth += seen * (a + b) / 2
+                passed -= seen
         assert np.abs(rendering.features[ray].numpy() - total).max() < 1e-5
         assert rendering.mask[ray].item() == pytest.approx(1 - passed, abs=1e-5)
+        assert rendering.depth[ray].item() == pytest.approx(depth + passed * float(far[ray]), abs=1e-5)
 
 
 def test_an_opaque_wall_hides_what_is_behind():
-    samples = Samples(depth=torch.tensor([[1.0, 2.0, 3.0]]), width=torch.tensor([1.0]))
-    sigma, features = torch.tensor([[0.0, 1e9, 1e9]]), torch.eye(3)[None]
-    rendering = composite(sigma, features, samples, torch.tensor([3.5]))
-    assert rendering.features[0].tolist() == [0.0, 1.0, 0.0]
-    assert rendering.depth.item() == 2.0
+    depth, length = torch.tensor([[1.0, 2.0, 3.0]]), torch.tensor([[0.5, 1.0, 1.0, 0.5]])
+    samples = Samples(depth=depth, length=length)
+    distance, features = torch.tensor([[1.0, -1.0, -1.0]]), torch.eye(3)[None]
+    rendering = composite(distance, features, samples, torch.tensor([3.5]), Density(1e-4))
+    assert rendering.features[0, 2] == 0
+    assert rendering.depth.item() == pytest.approx(1.5, abs=0.5 / PIECES)
 
 
 def test_rays_that_miss_see_nothing_and_get_no_samples():
@@ -67,7 +105,7 @@ def test_rays_that_miss_see_nothing_and_get_no_samples():
     assert (far - near)[1:3].tolist() == [0, 0]  # beside, and behind
     assert (near[3], far[3]) == (0, 1)  # from within
     samples = stratify(near, far, 3)
-    rendering = composite(torch.full((4, 3), 1e6), torch.ones(4, 3, 1), samples, far)
+    rendering = composite(torch.full((4, 3), 1e6), torch.ones(4, 3, 1), samples, far, itself)
     assert rendering.mask.tolist() == [1, 0, 0, 1]
 
 

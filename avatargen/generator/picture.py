@@ -165,16 +165,16 @@ def render_person(
     origin, direction = ray
     shell = shell or shell_around(person.posed.vertices, settings.shell, origin.device)
     samples, far = shell_samples(shell, origin, direction, settings.samples, draw)
-    hit = (samples.width > 0).nonzero()[:, 0]  # rays that miss cost nothing from here on
-    samples = Samples(depth=samples.depth[hit], width=samples.width[hit])
+    hit = samples.length.any(dim=1).nonzero()[:, 0]  # rays that miss cost nothing from here on
+    samples = Samples(depth=samples.depth[hit], length=samples.length[hit])
     points = (origin[hit, None] + samples.depth[..., None] * direction[hit, None]).flatten(0, 1)
     canonical, away = person.map(points, settings.nearest)
     near = (away < settings.shell).nonzero()[:, 0]
     sdf, features = field_of_person(generator, surface, person, points[near], canonical[near])
-    sigma = scatter(generator.density(sdf)[:, None], near, len(points))
+    distance = away.to(sdf).index_put((near,), sdf)  # beyond the shell there is nothing but distance
     features = scatter(features, near, len(points))
     shape = samples.depth.shape
-    seen = composite(sigma.view(shape), features.view(*shape, -1), samples, far[hit])
+    seen = composite(distance.view(shape), features.view(*shape, -1), samples, far[hit], generator.density)
     return Rendering(
         features=scatter(seen.features, hit, len(far)),
         depth=far.index_put((hit,), seen.depth),

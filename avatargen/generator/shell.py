@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from avatargen.generator.renderer import Samples, box_interval
+from avatargen.generator.renderer import Samples, box_interval, places, segments
 
 CELL = 0.03  # metres
 STEPS = 96  # pieces of a ray within the shell's box
@@ -67,8 +67,7 @@ def shell_samples(
 ) -> tuple[Samples, Float[Tensor, " P"]]:
     """`count` samples a ray in equal bins of the length within the shell, and where the ray leaves its box.
 
-    One in each bin, at random with a generator, in the middle without. Bins have width 0 on a ray that
-    misses.
+    One in each bin, at random with a generator, in the middle without. Lengths are 0 on a ray that misses.
     """
     near, far = box_interval(origin, direction, shell.box.to(origin))
     step = (far - near) / STEPS
@@ -76,9 +75,10 @@ def shell_samples(
     marked = shell.holds(origin[:, None] + middle[..., None] * direction[:, None]) & (step > 0)[:, None]
     passed = marked.cumsum(dim=1).to(origin)  # P T: marked pieces up to and with each
     total = passed[:, -1]
-    within = torch.rand(len(origin), count, generator=draw).to(origin) if draw is not None else 0.5
-    place = (torch.arange(count, device=origin.device) + within) / count * total[:, None]  # in marked pieces
+    bins = places(near, count, draw)
+    place = bins * (total / count)[:, None]  # in marked pieces
     piece = torch.searchsorted(passed, place, right=True).clamp_max(STEPS - 1)
     before = torch.where(piece > 0, passed.gather(1, (piece - 1).clamp_min(0)), 0.0)
     depth = near[:, None] + (piece + (place - before)) * step[:, None]
-    return Samples(depth=depth, width=total * step / count), far
+    length = segments(bins, count) * (total * step / count)[:, None]
+    return Samples(depth=depth, length=length), far

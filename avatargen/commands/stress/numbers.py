@@ -59,10 +59,11 @@ def ray(alpha: float, step: float, dtype: torch.dtype) -> tuple[Tensor, Tensor, 
     """Mask, depth and a constant feature of one ray through a surface in its middle."""
     count = 48
     depth = step * (torch.arange(count, dtype=torch.float64) + 0.5)
-    sigma = density_at(alpha, torch.float64)(step * count / 2 - depth).to(dtype)
-    samples = Samples(depth=depth.to(dtype)[None], width=torch.full((1,), step, dtype=dtype))
-    features = torch.ones(1, count, 1, dtype=dtype)
-    seen = composite(sigma[None], features, samples, torch.full((1,), step * count, dtype=dtype))
+    distance = (step * count / 2 - depth).to(dtype)
+    length = step * torch.tensor([0.5, *[1] * (count - 1), 0.5]).to(dtype)
+    samples = Samples(depth=depth.to(dtype)[None], length=length[None])
+    features, far = torch.ones(1, count, 1, dtype=dtype), torch.full((1,), step * count, dtype=dtype)
+    seen = composite(distance[None], features, samples, far, density_at(alpha, dtype))
     return seen.mask, seen.depth / (step * count), seen.features[:, 0]
 
 
