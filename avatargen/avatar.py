@@ -180,7 +180,7 @@ class AvatarSampler:
                 distance=self.distance,
                 w=w,
                 table=plane_table(self.generator.planes(w))[0].contiguous(),
-                layers=self.generator.decoder.layers_of(w),
+                layers=self.generator.layers(w),
                 offset=self.offset,
             ),
         )

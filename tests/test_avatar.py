@@ -40,7 +40,7 @@ def test_fields_are_those_of_the_generator(sampler: AvatarSampler):
     z = torch.randn(1, 16, generator=torch.Generator().manual_seed(3))
     with torch.no_grad():
         w = generator.mapping(z, front_camera().vector)
-        sdf, color, _ = generator.field(generator.planes(w), w, points, body)
+        sdf, color, _ = generator.field(generator.planes(w), generator.layers(w), points, body)
         assert np.allclose(avatar.betas, generator.betas(w)[0].numpy(), atol=1e-5)
     assert (avatar.sdf(points[0]) - sdf[0]).abs().max() < 1e-4
     assert (avatar.color(points[0]) - color[0].clamp(0, 1)).abs().max() < 1e-4

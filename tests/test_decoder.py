@@ -17,7 +17,7 @@ def test_the_untrained_field_is_the_body():
     generator = AvatarGenerator(debug_config())
     points, body = points_near_body(500, people=2)
     w = torch.randn(2, 32)
-    sdf, color, features = generator.field(generator.planes(w), w, points, body)
+    sdf, color, features = generator.field(generator.planes(w), generator.layers(w), points, body)
 
     assert torch.equal(sdf, body.distance)
     assert color.shape == (2, 500, 3)
@@ -30,7 +30,7 @@ def test_the_residual_keeps_its_limit():
     generator = random_generator(residual_scale=100.0, residual_limit=0.2, gated=False)
     points, body = points_near_body(500)
     w = torch.randn(1, 32)
-    residual = generator.field(generator.planes(w), w, points, body)[0] - body.distance
+    residual = generator.field(generator.planes(w), generator.layers(w), points, body)[0] - body.distance
     assert 0.1 < residual.abs().max() <= 0.2 + 1e-6
 
 
@@ -40,11 +40,11 @@ def test_people_in_a_batch_are_people_alone(code_size: int, parts: Parts):
     points, body = points_near_body(64, people=3)
     points, w = points.double(), torch.randn(3, 32).double()
     planes = generator.planes(w)
-    together = generator.field(planes, w, points, body)
+    together = generator.field(planes, generator.layers(w), points, body)
     for person in range(3):
         one = slice(person, person + 1)
         alone_points, alone_body = points_near_body(64)
-        alone = generator.field(planes[one], w[one], alone_points.double(), alone_body)
+        alone = generator.field(planes[one], generator.layers(w[one]), alone_points.double(), alone_body)
         for whole, part in zip(together, alone, strict=True):
             assert torch.allclose(whole[one], part, atol=1e-9)
 
@@ -53,7 +53,8 @@ def test_layers_of_ones_own_are_a_switch():
     points, body = points_near_body(100, people=2)
     w, planes = torch.randn(2, 32), torch.zeros(2, 3, 8, 16, 16)
     for code_size in (8, 0):
-        sdf = random_generator(code_size=code_size).field(planes, w, points, body)[0]
+        generator = random_generator(code_size=code_size)
+        sdf = generator.field(planes, generator.layers(w), points, body)[0]
         alike = torch.equal(sdf[0], sdf[1])  # same planes: only their own layers can tell people apart
         assert alike == (code_size == 0)
 
@@ -102,7 +103,7 @@ def test_the_bodys_distance_can_be_taken_back():
         network.get_parameter("geometry.bias")[1] = 100.0
     points, body = points_near_body(300)
     w = torch.zeros(1, 32)
-    sdf = generator.field(generator.planes(w), w, points, body)[0]
+    sdf = generator.field(generator.planes(w), generator.layers(w), points, body)[0]
     assert sdf.abs().max() < 1e-6
 
 
@@ -116,7 +117,7 @@ def test_regions_give_a_point_one_of_the_persons_colours():
         network.get_parameter("palette.bias").copy_(torch.linspace(-3, 3, 12))
     points, body = points_near_body(50)
     w = torch.zeros(1, 32)
-    color = generator.field(generator.planes(w), w, points, body)[1]
+    color = generator.field(generator.planes(w), generator.layers(w), points, body)[1]
     wanted = torch.sigmoid(torch.linspace(-3, 3, 12)[6:9]) * 1.002 - 0.001
     assert (color - wanted).abs().max() < 1e-5
 
@@ -161,7 +162,7 @@ def test_everything_the_field_uses_gets_a_gradient(activation: str):
     generator = random_generator(activation=activation)
     points, body = points_near_body(200, people=2)
     w = generator.mapping(torch.randn(2, 16), torch.randn(2, 25))
-    sdf, color, features = generator.field(generator.planes(w), w, points, body)
+    sdf, color, features = generator.field(generator.planes(w), generator.layers(w), points, body)
     (sdf.square().sum() + color.sum() + features.square().sum() + generator.betas(w).sum()).backward()
     used = [generator.mapping, generator.synthesis, generator.decoder, generator.shape]
     missing = [n for part in used for n, p in part.named_parameters() if p.grad is None or not p.grad.any()]
@@ -174,7 +175,7 @@ def test_the_gradient_of_the_field_can_be_penalised():
     points, body = points_near_body(50)
     points, w = points.clone().requires_grad_(), torch.randn(1, 32)
     body = attach_gradient(body, points, torch.from_numpy(capsule_canonical().vertices))
-    sdf = generator.field(generator.planes(w), w, points, body, method="differentiable")[0]
+    sdf = generator.field(generator.planes(w), generator.layers(w), points, body, method="differentiable")[0]
     (slope,) = torch.autograd.grad(sdf.sum(), points, create_graph=True)
     (slope.norm(dim=-1) - 1).square().mean().backward()
     assert all(p.grad is not None for p in generator.synthesis.parameters() if p.ndim > 1)

@@ -28,7 +28,7 @@ def people_of(generator: AvatarGenerator) -> list[Person]:
     w = torch.randn(2, 32, generator=torch.Generator().manual_seed(0)).to(generator.density.p)
     poses = torch.zeros(2, 24, 3).to(w)
     poses[:, 16, 2] = -0.6
-    return make_people(SURFACE, w, generator.planes(w), poses, torch.zeros(2, 10).to(w))
+    return make_people(generator, SURFACE, w, generator.planes(w), poses, torch.zeros(2, 10).to(w))
 
 
 def draws() -> list[torch.Generator]:

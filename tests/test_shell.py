@@ -67,7 +67,7 @@ def picture(geometry: GeometryConfig, **render: object):
     generator = AvatarGenerator(config)
     surface, w = CanonicalSurface(capsule_body(0.04)), torch.randn(1, 32)
     poses, betas = torch.zeros(1, 24, 3), torch.zeros(1, 10)
-    people = make_people(surface, w, generator.planes(w), poses, betas)
+    people = make_people(generator, surface, w, generator.planes(w), poses, betas)
     camera = front_camera()
     camera.cam2world[:, :3, 3].add_(DOWN)
     return generator, picture_people(generator, surface, people, camera, [None])

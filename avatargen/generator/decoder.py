@@ -72,6 +72,13 @@ class Matrix:
             return x @ self.weight + self.bias
         return torch.baddbmm(self.bias, x, self.weight)
 
+    def of_each(self, count: int) -> "list[Matrix]":
+        """The layer of `count` people, person by person."""
+        if self.weight.ndim == 2:
+            return [self] * count
+        pairs = zip(self.weight.split(1), self.bias.split(1), strict=True)
+        return [Matrix(weight=weight, bias=bias) for weight, bias in pairs]
+
     def columns(self, *parts: slice) -> "Matrix":
         """The same for some of the outputs."""
         weight, bias = (torch.cat([m[..., part] for part in parts], dim=-1) for m in (self.weight, self.bias))
@@ -107,6 +114,16 @@ class PartLayers:
     geometry: Matrix
     picture: Matrix
     palette: Float[Tensor, "B R 3"] | None  # the colour of each region, before the sigmoid
+
+    def of_each(self, count: int) -> "list[PartLayers]":
+        """The layers of `count` people, person by person, each a batch of one."""
+        hidden = zip(*(matrix.of_each(count) for matrix in self.hidden), strict=True)
+        geometry, picture = self.geometry.of_each(count), self.picture.of_each(count)
+        palettes = [None] * count if self.palette is None else self.palette.split(1)
+        return [
+            PartLayers(hidden=h, geometry=g, picture=p, palette=c)
+            for h, g, p, c in zip(hidden, geometry, picture, palettes, strict=True)
+        ]
 
 
 class PartNetwork(nn.Module):

@@ -1,6 +1,7 @@
 """The generator: latent to field (sections 3.2 and 3.3).
 
-    z, camera --mapping--> w --planes--> tri-planes --field(points)--> signed distance, colour, features
+    z, camera --mapping--> w --planes--> tri-planes      }
+                           w --layers--> decoder layers  } --field(points)--> distance, colour, features
                            w --betas--> the person's own shape
 
 Letters: B people, N points, D size of w, C plane channels, R plane resolution, K features. Canonical space,
@@ -14,7 +15,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from avatargen.generator.config import GeneratorConfig
-from avatargen.generator.decoder import BodyPoints, Decoder
+from avatargen.generator.decoder import BodyPoints, Decoder, PartLayers
 from avatargen.generator.deformation import Deformation
 from avatargen.generator.density import Density
 from avatargen.generator.layers import EqualLinear, leaky_relu
@@ -53,6 +54,10 @@ class AvatarGenerator(nn.Module):
         """The people's tri-planes."""
         return self.synthesis(w)
 
+    def layers(self, w: Float[Tensor, "B D"]) -> tuple[PartLayers, ...]:
+        """The people's decoder layers; who asks much of one person makes them once."""
+        return self.decoder.layers_of(w)
+
     def betas(self, w: Float[Tensor, "B D"]) -> Float[Tensor, "B b"]:
         """The people's body shapes, each within +-3."""
         return self.shape(w)
@@ -60,20 +65,21 @@ class AvatarGenerator(nn.Module):
     def field(
         self,
         planes: Float[Tensor, "B 3 C R R"],
-        w: Float[Tensor, "B D"],
+        layers: tuple[PartLayers, ...],
         points: Float[Tensor, "B N 3"],
         body: BodyPoints,
         method: Literal["fast", "differentiable"] = "fast",
         base: BodyPoints | None = None,
     ) -> tuple[Float[Tensor, "B N"], Float[Tensor, "B N 3"], Float[Tensor, "B N K"]]:
-        """Signed distance (metres), colour (sRGB 0..1) and features at canonical points.
+        """Signed distance (metres), colour (sRGB 0..1) and features at canonical points, of people's planes
+        and layers.
 
         `method` is that of `sample_planes`: `differentiable` where the gradient of the field is itself
         penalised. The distance is `body`'s plus the residual, or `base`'s where one is given.
         """
         features = sample_planes(planes, self.frame(points), method)
         x = self.decoder.inputs(features, self.frame.centered(points), body)
-        shape, picture = self.decoder(x, points, self.decoder.layers_of(w)).tensor_split([2], dim=-1)
+        shape, picture = self.decoder(x, points, layers).tensor_split([2], dim=-1)
         return self.decoder.signed_distance(shape, (base or body).distance), picture[..., :3], picture
 
 

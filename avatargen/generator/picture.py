@@ -21,7 +21,7 @@ from avatargen.body.model import Body, PosedBody, pose, pose_canonically, shape
 from avatargen.generator.camera import Camera, rays
 from avatargen.generator.canonical import CanonicalMap, canonical_map
 from avatargen.generator.config import RenderConfig
-from avatargen.generator.decoder import BodyPoints, attach_gradient, body_points
+from avatargen.generator.decoder import BodyPoints, PartLayers, attach_gradient, body_points
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.renderer import Rendering, Samples, composite
 from avatargen.generator.shell import Shell, shell_around, shell_samples
@@ -65,10 +65,13 @@ class CanonicalSurface(BodySurface):
 
 @dataclass(frozen=True, kw_only=True)
 class Person:
-    """One person to render: style, planes, pose and shape (each a batch of one), and the posed body."""
+    """One person to render: style, planes, decoder layers, pose and shape (each a batch of one), and the
+    posed body.
+    """
 
     w: Float[Tensor, "1 D"]
     planes: Float[Tensor, "1 3 C R R"]
+    layers: tuple[PartLayers, ...]
     pose: Float[Tensor, "1 J 3"]
     betas: Float[Tensor, "1 b"]
     posed: PosedBody
@@ -94,11 +97,12 @@ def take_picture(
     Samples are drawn at random along the rays with `draw`, and stand in the middle of their bins without.
     """
     w = generator.mapping(z, camera.vector)
-    people = make_people(surface, w, generator.planes(w), poses, betas)
+    people = make_people(generator, surface, w, generator.planes(w), poses, betas)
     return picture_people(generator, surface, people, camera, [draw] * len(people))
 
 
 def make_people(
+    generator: AvatarGenerator,
     surface: CanonicalSurface,
     w: Float[Tensor, "B D"],
     planes: Float[Tensor, "B 3 C R R"],
@@ -107,7 +111,9 @@ def make_people(
 ) -> list[Person]:
     """Pose everybody's body. The pose and shape that pictures show carry no gradient."""
     people = []
-    for i in range(len(w)):
+    with torch.autocast(w.device.type, enabled=False):
+        parts = [layers.of_each(len(w)) for layers in generator.layers(w)]
+    for i, layers in enumerate(zip(*parts, strict=True)):
         one = slice(i, i + 1)
         shaped = shape(surface.body, betas[i].detach().cpu().numpy())
         posed = pose(surface.body, shaped, poses[i].detach().cpu().numpy())
@@ -115,6 +121,7 @@ def make_people(
             Person(
                 w=w[one],
                 planes=planes[one],
+                layers=layers,
                 pose=poses[one],
                 betas=betas[one],
                 posed=posed,
@@ -202,7 +209,7 @@ def field_of_person(
     if geometry.prior == "none":
         body = without_distance(body)
     base = without_distance(body) if geometry.distance == "raw" else None
-    sdf, _, features = generator.field(person.planes, person.w, moved[None], body, method, base)
+    sdf, _, features = generator.field(person.planes, person.layers, moved[None], body, method, base)
     return sdf[0], features[0]
 
 

@@ -205,11 +205,11 @@ def generate(
         z = torch.randn(2, generator.config.mapping.z_size, generator=draw).to(camera)
         w = generator.mapping(z, camera)
         same = w[:1].expand(2, -1)  # one person under both labels, then another under the second
-        people = make_people(surface, same, generator.planes(same), pose, betas)
+        people = make_people(generator, surface, same, generator.planes(same), pose, betas)
         pair = picture_people(generator, surface, people, camera_of_vector(camera), [None] * 2)
         maps = (people[0].map, people[1].map)
         warps.append(warp_error(pair.raw.clamp(0, 1), pair.depth, pair.mask, camera_of_vector(camera), maps))
-        other = make_people(surface, w[1:], generator.planes(w[1:]), pose[1:], betas[1:])
+        other = make_people(generator, surface, w[1:], generator.planes(w[1:]), pose[1:], betas[1:])
         alone = picture_people(generator, surface, other, camera_of_vector(camera[1:]), [None])
         parts += [Picture(**{name: value[:1] for name, value in vars(pair).items()}), alone]
     whole = {name: torch.cat([getattr(part, name) for part in parts]) for name in vars(parts[0])}

@@ -41,7 +41,7 @@ def ray_costs(
     camera, pose, betas = data.row(torch.arange(pictures))
     draw = torch.Generator().manual_seed(seed)
     w = generator.mapping(torch.randn(pictures, generator.config.mapping.z_size, generator=draw), camera)
-    people = make_people(surface, w, generator.planes(w), pose, betas)
+    people = make_people(generator, surface, w, generator.planes(w), pose, betas)
     size = generator.config.render.raw_size
     views = list(zip(*rays(camera_of_vector(camera), size), strict=True))
     settings = [(steps, shell) for steps in STEPS for shell in (True, False)]

@@ -188,6 +188,8 @@ def snapshot_is_due(images: int, config: AdversarialConfig) -> bool:
 def generator_config(config: AdversarialConfig, body: Body, start: Checkpoint | None) -> GeneratorConfig:
     """The networks of the preset, or of the weights to start from, with this run's geometry and rendering.
 
+    The deformation is also this run's, unless the weights bring one that has learned.
+
     Raises:
         TrainingError: those weights are of another body.
     """
@@ -198,12 +200,26 @@ def generator_config(config: AdversarialConfig, body: Body, start: Checkpoint | 
     decoder = networks.decoder
     if config.geometry.prior == "none":
         decoder = replace(decoder, vertex_features=0)
-    return replace(networks, geometry=config.geometry, render=config.render, decoder=decoder)
+    learned = start is not None and learned_deformation(start.generator)
+    deformation = networks.deformation if learned else config.deformation
+    return replace(
+        networks, geometry=config.geometry, render=config.render, decoder=decoder, deformation=deformation
+    )
+
+
+def learned_deformation(generator: AvatarGenerator) -> bool:
+    """Whether the deformation moves anything; before adversarial training it does not."""
+    leave = generator.deformation.leave
+    return bool(leave.weight.any() or leave.bias.any())
 
 
 def first_weights(start: Checkpoint, config: AdversarialConfig) -> dict[str, Tensor]:
-    """The weights to start from; where nothing was rendered in their training, with this run's sharpness."""
+    """The weights to start from; where nothing was rendered in their training, with this run's sharpness. A
+    deformation that has not learned is left out, and begins anew.
+    """
     weights, rendering = start.generator.state_dict(), start.generator.config.render
+    if not learned_deformation(start.generator):
+        weights = {name: value for name, value in weights.items() if not name.startswith("deformation.")}
     untrained = Density(rendering.initial_alpha).p.detach()
     if torch.equal(weights["density.p"].cpu(), untrained):
         weights["density.p"] = Density(config.render.initial_alpha).p.detach()
@@ -251,7 +267,7 @@ def generate(
     if batch.crossover:
         late = generator.mapping(batch.other_z, batch.mapped_camera)
         planes = generator.synthesis(w, late, batch.crossover)
-    people = make_people(surface, late.float(), planes.float(), batch.pose, batch.betas)
+    people = make_people(generator, surface, late.float(), planes.float(), batch.pose, batch.betas)
     return people, picture_people(generator, surface, people, camera_of_vector(batch.camera), batch.draws)
 
 

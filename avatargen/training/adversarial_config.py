@@ -10,7 +10,15 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from avatargen.errors import InputError
-from avatargen.generator.config import DEBUG, PAPER, SHIPPED, GeneratorConfig, GeometryConfig, RenderConfig
+from avatargen.generator.config import (
+    DEBUG,
+    PAPER,
+    SHIPPED,
+    DeformationConfig,
+    GeneratorConfig,
+    GeometryConfig,
+    RenderConfig,
+)
 from avatargen.training.discriminator import DiscriminatorConfig
 
 
@@ -56,6 +64,7 @@ class AdversarialConfig:
 
     networks: Literal["debug", "shipped", "gpu", "paper"] = "shipped"
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
+    deformation: DeformationConfig = field(default_factory=DeformationConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     discriminator: DiscriminatorConfig = field(default_factory=DiscriminatorConfig)
     losses: LossConfig = field(default_factory=LossConfig)
@@ -92,6 +101,7 @@ NARROW = 0.12  # metres of shell: posed clothes hang nearer to the body than spr
 PRESETS = {
     "debug": AdversarialConfig(
         networks="debug",
+        deformation=DEBUG.deformation,
         render=replace(DEBUG.render, shell=NARROW, samples=8),
         discriminator=DiscriminatorConfig(capacity=256, channels=32, condition=16, group=2),
         losses=LossConfig(points=48),
@@ -102,6 +112,7 @@ PRESETS = {
         report_every=5,
     ),
     "cpu": AdversarialConfig(
+        deformation=DeformationConfig(width=32, depth=2, frequencies=4),
         render=replace(SHIPPED.render, shell=NARROW, samples=12),
         optimizer=OptimizerConfig(generator_rate=5e-4, discriminator_rate=1e-3, half_life=1_000),
     ),

@@ -51,7 +51,8 @@ def new_state(
     device: torch.device,
     start: dict[str, Tensor] | None = None,
 ) -> State:
-    """Seeded random networks; the generator's weights are `start` where given.
+    """Seeded random networks; the generator's weights are `start` where given, which may leave
+    out the deformation's.
 
     Raises:
         TrainingError: those weights are of other networks.
@@ -63,7 +64,8 @@ def new_state(
     )
     if start is not None:
         try:
-            generator.load_state_dict(start)
+            deformation = generator.deformation.state_dict(prefix="deformation.")
+            generator.load_state_dict(deformation | start)
         except RuntimeError as error:
             raise TrainingError(
                 "train: the weights to start from are of other networks "

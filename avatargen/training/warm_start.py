@@ -154,7 +154,7 @@ def losses(
     w = generator.mapping(people.z, batch.camera)
     planes = generator.planes(w)
     points = BodyPoints(distance=places.body, vertices=places.corners, barycentric=places.barycentric)
-    sdf, color, _ = generator.field(planes, w, places.p, points)
+    sdf, color, _ = generator.field(planes, generator.layers(w), places.p, points)
     error = (sdf - target.sdf).abs()
     near = target.sdf.abs() < config.band
     weight = torch.where(near, 1.0, 0.15)

@@ -67,7 +67,7 @@ def someone(distance: str) -> tuple[AvatarGenerator, CanonicalSurface, Person]:
     generator = AvatarGenerator(replace(config, geometry=GeometryConfig(distance=distance)))
     w = torch.zeros(1, config.mapping.w_size)
     poses, betas = torch.zeros(1, config.joint_count, 3), torch.zeros(1, config.shape_count)
-    return generator, surface, make_people(surface, w, generator.planes(w), poses, betas)[0]
+    return generator, surface, make_people(generator, surface, w, generator.planes(w), poses, betas)[0]
 
 
 def slopes_at(points: Callable[[Person], Tensor], distance: str, low: float, high: float) -> str:
