@@ -95,15 +95,19 @@ def test_joints_project_to_where_rays_leave_from(tmp_path: Path):
     assert found[0][16][0] > 0.5 > found[0][17][0]  # seen from the front the left shoulder is on the right
 
 
-def test_the_joint_estimator_learns_where_a_blob_is():
-    """A dark disc moves over white pictures; the estimator finds it in new ones."""
-    centers = RNG.uniform(0.25, 0.75, size=(300, 1, 2))
+def test_the_joint_estimator_learns_where_blobs_are_on_either_side():
+    """Two discs move over white pictures, each in its half; the estimator finds them in new ones."""
+    centers = RNG.uniform((0.1, 0.2), (0.4, 0.8), size=(300, 2, 2)) + np.array([[0, 0], [0.5, 0]])
     y, x = np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2, indexing="ij")
-    inside = (x - centers[:, :, :1]) ** 2 + (y - centers[:, :, 1:]) ** 2 < 0.15**2
+    away = np.hypot(x - centers[..., 0, None, None], y - centers[..., 1, None, None])
+    inside = (away < 0.1).any(axis=1)
     images = torch.from_numpy(1 - 0.8 * inside.astype(np.float32))[:, None].expand(-1, 3, -1, -1)
-    estimate = fit_joints(images[:200], centers[:200])
+    partner = np.array([1, 0])
+    estimate = fit_joints(images[:200], centers[:200], partner)
     errors = np.linalg.norm(estimate(images[200:]) - centers[200:], axis=2)
-    assert errors.mean() < 0.03 < 0.5 * np.linalg.norm(centers[200:] - 0.5, axis=2).mean()
+    assert errors.mean() < 0.03 < 0.3 * np.linalg.norm(centers[200:] - centers.mean(axis=0), axis=2).mean()
+    mirrored = 1 - estimate(images[200:].flip(3))[:, partner, 0]
+    assert np.abs(mirrored - estimate(images[200:])[..., 0]).max() < 0.02
 
 
 def person(turn: float):
@@ -208,7 +212,7 @@ def make_depth(folder: Path, by: float | None):
 
 
 def test_sharp_geometry_is_measured_with_finer_samples_than_it_was_trained_with(tmp_path: Path):
-    """With six samples a ray a surface of 1 mm is seen centimetres off; with 48 it is not."""
+    """With six samples a ray a surface of 1 mm is seen half a centimetre off; with 48 it is not."""
     pictures = make_depth(tmp_path / "data", 0.0)
     networks = generator_config(CONFIG, BODY, None)
     networks = replace(networks, render=replace(networks.render, raw_size=16, initial_alpha=1e-3))
@@ -221,7 +225,7 @@ def test_sharp_geometry_is_measured_with_finer_samples_than_it_was_trained_with(
     assert generator.config.render.samples == 6
     solid = (own.mask > 0.9) & (exact.mask > 0.9)
     errors = [float((one.depth - exact.depth)[solid].abs().mean()) for one in (own, fine)]
-    assert errors[1] < 0.01 < errors[0]
+    assert errors[1] < 0.001 < 0.005 < errors[0]
 
     report = evaluate(
         generator, surface, pictures, pictures, ("frechet distance", random_features), EvalConfig()

@@ -6,7 +6,7 @@ taken to be symmetric; where one is not quite, joints are off by its asymmetry.
 """
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int64
 
 from avatargen.body.joints import mirrored_name
 from avatargen.data.conventions import Label
@@ -26,11 +26,17 @@ def mirrored(label: Label, joint_names: tuple[str, ...]) -> Label:
 
 def mirrored_pose(pose: Float[np.ndarray, "J 3"], joint_names: tuple[str, ...]) -> Float32[np.ndarray, "J 3"]:
     """Each joint's turn seen in the mirror; a joint without a partner is its own."""
-    other = [
-        joint_names.index(name) if (name := mirrored_name(joint)) in joint_names else i
-        for i, joint in enumerate(joint_names)
-    ]
-    return (pose[other] * MIRRORED).astype(np.float32)
+    return (pose[partners(joint_names)] * MIRRORED).astype(np.float32)
+
+
+def partners(joint_names: tuple[str, ...]) -> Int64[np.ndarray, " J"]:
+    """The number of each joint's partner on the other side; one without is its own."""
+    return np.array(
+        [
+            joint_names.index(name) if (name := mirrored_name(joint)) in joint_names else i
+            for i, joint in enumerate(joint_names)
+        ]
+    )
 
 
 def mirrored_camera(camera: Float[np.ndarray, "25"]) -> Float32[np.ndarray, "25"]:

@@ -22,6 +22,7 @@ from torch import Tensor
 
 from avatargen.body.model import Body
 from avatargen.data.dataset import Pictures
+from avatargen.data.mirror import partners
 from avatargen.errors import InputError
 from avatargen.generator.camera import camera_of_vector
 from avatargen.generator.generator import AvatarGenerator
@@ -41,7 +42,7 @@ from avatargen.metrics.joints import JointEstimator, fit_joints, true_joints
 from avatargen.metrics.warp import warp_error
 
 RESAMPLES = 1000
-MOST_REFERENCES = 1000
+MOST_REFERENCES = 2000
 POSE = "pose (% of the picture)"
 CLOTHES = "clothes (mm)"
 
@@ -85,9 +86,7 @@ class EvalConfig:
 
     pictures: int = 200  # at most
     seed: int = 0
-    samples: int | None = (
-        48  # along rays: with 12, a sharp surface is seen 2 cm too far; none: the generator's
-    )
+    samples: int | None = 48  # along rays: with 12, surfaces are seen 4 mm too far; none: the generator's
 
     def __post_init__(self) -> None:
         if self.pictures < 20:
@@ -112,7 +111,8 @@ def evaluate(
     count = min(config.pictures, len(data))
     chosen = torch.randperm(len(data), generator=torch.Generator().manual_seed(config.seed))[:count]
     images = load_images(data, chosen)
-    others = load_images(reference, torch.arange(min(len(reference), MOST_REFERENCES)))
+    spread = torch.linspace(0, len(reference) - 1, min(len(reference), MOST_REFERENCES)).long()
+    others = load_images(reference, spread)
     seconds = {"load": time.perf_counter() - started}
     if config.samples is not None:
         generator = finer(generator, config.samples)
@@ -121,7 +121,8 @@ def evaluate(
     name, network = features
     made, real, other = (all_features(network, part) for part in (seen.image.clamp(0, 1), images, others))
     if joints is None:
-        joints = fit_joints(others, true_joints(reference, surface.body, np.arange(len(others))))
+        others_joints = true_joints(reference, surface.body, spread.numpy())
+        joints = fit_joints(others, others_joints, partners(surface.body.joint_names))
     truth = true_joints(data, surface.body, chosen.numpy())
     has_depth = data.path("depth", 0).exists()
     numbers = {

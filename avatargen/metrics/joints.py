@@ -1,8 +1,9 @@
 """Where joints are in a picture: the truth of a label, and a built-in estimate from the picture alone.
 
-The estimate is kernel ridge regression from the picture's darkness against white, at 24 x 24 pixels, to the
-joints' places: fitted in closed form on labelled pictures in a second. It is coarse; its own error on real
-pictures is the floor that a generator's pose error is read against. Any other estimator can take its place.
+The estimate is kernel ridge regression from the picture's oriented edges, in 16 x 16 cells, to the joints'
+places: fitted in closed form, in seconds, on labelled pictures and their mirror images. It is coarse; its own
+error on real pictures is the floor that a generator's pose error is read against. Any other estimator can
+take its place.
 
 Letters: N pictures, J joints, S pixels a side. Places are in widths of the picture, 0..1 from the top left.
 """
@@ -11,7 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float64
+import torch
+from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -21,7 +23,9 @@ from avatargen.data.joints import projected_joints
 
 JointEstimator = Callable[[Float[Tensor, "N 3 S S"]], Float64[np.ndarray, "N J 2"]]
 
-GRID = 24
+CELLS = 16  # along a side
+DIRECTIONS = 6  # of edges that are told apart
+SHARPNESS = 4  # power of the cosine to a direction: an edge counts for two neighbours
 RIDGE = 1e-2
 
 
@@ -33,11 +37,16 @@ def true_joints(pictures: Pictures, body: Body, indices: np.ndarray) -> Float64[
     )
 
 
-def darkness(images: Float[Tensor, "N 3 S S"]) -> Float64[np.ndarray, "N k"]:
-    """How far pictures are from white, small and softened."""
-    dark = (1 - images).clamp(0, 1).amax(dim=1, keepdim=True)
-    small = F.interpolate(dark.sqrt(), size=(GRID, GRID), mode="area")
-    return small.flatten(1).double().cpu().numpy()
+def edges(images: Float[Tensor, "N 3 S S"]) -> Float64[np.ndarray, "N k"]:
+    """Square roots of the mean strength of edges in each cell, by the direction in which it gets brighter."""
+    gray = images.clamp(0, 1).mean(dim=1, keepdim=True)
+    right = F.pad(gray[..., 2:] - gray[..., :-2], (1, 1)) / 2  # the border is background
+    down = F.pad(gray[..., 2:, :] - gray[..., :-2, :], (0, 0, 1, 1)) / 2
+    strength, angle = torch.hypot(right, down), torch.atan2(down, right)
+    turns = 2 * torch.pi / DIRECTIONS * torch.arange(DIRECTIONS, device=images.device)[:, None, None]
+    oriented = strength * torch.cos(angle - turns).clamp_min(0) ** SHARPNESS
+    cells = F.interpolate(oriented, size=(CELLS, CELLS), mode="area")
+    return cells.sqrt().flatten(1).double().cpu().numpy()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +59,7 @@ class RidgeEstimator:
     width: float
 
     def __call__(self, images: Float[Tensor, "N 3 S S"]) -> Float64[np.ndarray, "N J 2"]:
-        kernel = gaussian(darkness(images), self.known, self.width)
+        kernel = gaussian(edges(images), self.known, self.width)
         return (kernel @ self.weights).reshape(len(kernel), *self.mean.shape) + self.mean
 
 
@@ -61,9 +70,15 @@ def gaussian(
     return np.exp(-np.maximum(square, 0) / (2 * width**2))
 
 
-def fit_joints(images: Float[Tensor, "N 3 S S"], joints: Float64[np.ndarray, "N J 2"]) -> RidgeEstimator:
-    """The estimator that these labelled pictures give; the kernel is as wide as pictures are apart."""
-    known, mean = darkness(images), joints.mean(axis=0)
+def fit_joints(
+    images: Float[Tensor, "N 3 S S"], joints: Float64[np.ndarray, "N J 2"], partner: Int64[np.ndarray, " J"]
+) -> RidgeEstimator:
+    """The estimator that these labelled pictures and their mirror images give; the kernel is as wide as
+    pictures are apart. `partner` names each joint's on the other side, see `avatargen.data.mirror`.
+    """
+    known = np.concatenate([edges(images), edges(images.flip(3))])
+    joints = np.concatenate([joints, [1, 0] + [-1, 1] * joints[:, partner]])
+    mean = joints.mean(axis=0)
     square = (known**2).sum(1)[:, None] + (known**2).sum(1) - 2 * known @ known.T
     width = float(np.sqrt(np.median(np.maximum(square, 0)))) or 1.0
     kernel = gaussian(known, known, width)
