@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int64
 
-from assets.errors import GeometryError
+from assets.errors import BoundsError, GeometryError
 from assets.field import Field, ask
 from assets.grid import CORNERS, CornerValues, grown, make_grid, once
 from assets.surface import Surface
@@ -32,6 +32,7 @@ BITS_OF_SIDE = [int(BIT_OF_CORNER @ ((CORNERS * 2 - 1) @ np.array(side) > 0)) fo
 QUARTERS = [[np.array(offset) for offset in CORNERS if offset[axis] == 0] for axis in range(3)]
 HALVES = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 MAX_RESOLUTION = 2048
+ROOM, GROWTHS = 0.05, 3  # metres by which bounds grow where the surface leaves them, and how often
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +73,8 @@ def extract(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig 
     components.
 
     Raises:
-        GeometryError: no surface inside the bounds, or it leaves them, or the band never settles.
+        GeometryError: no surface inside the bounds, or the band never settles.
+        BoundsError: it leaves the bounds.
         FieldError: the field is NaN or infinite.
         InputError: bounds that hold no box, or a resolution out of range.
     """
@@ -101,6 +103,17 @@ def trace(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig) -
         f"extract: the band missed parts of the surface {config.attempts} times; the field is no distance, "
         "give a larger lipschitz"
     )
+
+
+def trace_whole(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig) -> Extraction:
+    """`trace`, in larger bounds where the surface leaves those given, as a wide skirt may."""
+    bounds = bounds.astype(np.float64)
+    for _ in range(GROWTHS):
+        try:
+            return trace(sdf, bounds, config)
+        except BoundsError as error:
+            bounds = bounds + ROOM * (error.sides * np.array([[-1], [1]]))
+    return trace(sdf, bounds, config)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,7 +255,7 @@ def follow_surface(values: CornerValues, seeds: Int64[np.ndarray, "C 3"]) -> Int
     """Every cell that the surface crosses on its way from the seeds, through crossed sides.
 
     Raises:
-        GeometryError: the surface leaves the grid.
+        BoundsError: the surface leaves the grid.
     """
     listed = np.zeros(0, dtype=bool)  # by the slot of a cell's low corner
     frontier, found = seeds, [seeds[:0]]
@@ -255,10 +268,9 @@ def follow_surface(values: CornerValues, seeds: Int64[np.ndarray, "C 3"]) -> Int
         reached = np.concatenate(
             [frontier[mixed(inside, bits)] + side for side, bits in zip(SIDES, BITS_OF_SIDE, strict=True)]
         )
-        if ((reached < 0) | (reached >= values.grid.shape)).any():
-            raise GeometryError(
-                "extract: the surface touches the bounds and would stay open; give larger bounds"
-            )
+        left = np.stack([(reached < 0).any(axis=0), (reached >= values.grid.shape).any(axis=0)])
+        if left.any():
+            raise BoundsError(left)
         slots = values.slots(reached)
         listed = grown(listed, len(values.values))
         frontier = values.corners(once(slots[~listed[slots]], len(listed)))

@@ -23,7 +23,7 @@ from assets.attach import Attachment, attach
 from assets.bake import BakeConfig, Texture, bake_texture
 from assets.bones import Bones, add_ends, aim_bones
 from assets.clean import Cleaning, tidy
-from assets.extract import ExtractConfig, Extraction, trace
+from assets.extract import ExtractConfig, Extraction, trace_whole
 from assets.fit import fit
 from assets.flip import flip
 from assets.joints import body_on, drop_idle_joints
@@ -155,7 +155,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: "Clock") -> Sha
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
     with clock("extract"):
-        extraction = trace(avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution))
+        extraction = trace_whole(avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution))
     with clock("clean"):
         cleaning = tidy(extraction.surface)
     surface = cleaning.surface

@@ -17,7 +17,8 @@ from assets import (
     extract,
 )
 from assets.asset import AssetInfo, Skeleton
-from assets.errors import GeometryError
+from assets.errors import BoundsError, GeometryError
+from assets.extract import GROWTHS, ROOM, trace, trace_whole
 from assets.joints import drop_idle_joints
 from assets.surface import Surface, find_defects
 from avatargen.body.distance import BodyDistance
@@ -206,7 +207,7 @@ def test_more_faces_than_there_are_is_said():
     ("change", "error", "words"),
     [
         ({"thickness": -1.0}, GeometryError, "no surface"),
-        ({"thickness": 0.1}, GeometryError, "bounds"),
+        ({"thickness": 0.5}, GeometryError, "bounds"),
         ({"thickness": float("nan")}, FieldError, "NaN"),
         ({"betas": np.zeros(99, dtype=np.float32)}, InputError, "betas"),
     ],
@@ -264,3 +265,25 @@ def test_public_names():
         ]
     )
     assert assets.Asset is Asset
+
+
+def ball(radius: float):
+    """A sphere about the origin."""
+    return lambda points: points.norm(dim=1) - radius
+
+
+def test_bounds_grow_where_the_surface_leaves_them():
+    config, low, wide = ExtractConfig(resolution=64), -0.72, -0.72 - 2 * ROOM
+    short, enough = (np.array([[-1, -1, z], [1, 1, 1]]) for z in (low, wide))
+    found, grown = trace_whole(ball(0.8), short, config), trace(ball(0.8), enough, config)
+    assert not find_defects(found.surface)
+    assert np.abs(found.surface.vertices - grown.surface.vertices).max() < 1e-12
+    with pytest.raises(BoundsError, match="touches the bounds") as caught:
+        trace(ball(0.8), short, config)
+    assert caught.value.sides.tolist() == [[False, False, True], [False, False, False]]
+
+
+def test_what_has_no_end_is_refused_after_a_few_bounds():
+    bounds = np.array([[-1.0, -1, -1], [1, 1, 1]])
+    with pytest.raises(BoundsError, match="give larger bounds"):
+        trace_whole(ball(1.1 + GROWTHS * ROOM), bounds, ExtractConfig(resolution=32))
