@@ -67,6 +67,11 @@ COMMANDS = (
         function="avatargen.commands.ablations:main",
     ),
     Command(
+        words=("eval", "runs"),
+        summary="the same metrics over the snapshots of training runs, with a plot",
+        function="avatargen.commands.evaluate_runs:main",
+    ),
+    Command(
         words=("eval", "rays"),
         summary="picture error against time for 12 to 48 samples a ray",
         function="avatargen.commands.rays:main",

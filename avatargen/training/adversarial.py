@@ -22,6 +22,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from avatargen.atomic import write_atomically
 from avatargen.body.model import Body, canonical_body
 from avatargen.data.dataset import Pictures
 from avatargen.errors import TrainingError
@@ -52,6 +53,8 @@ from avatargen.training.snapshot import picture_grid, tensorboard
 
 if TYPE_CHECKING:
     from accelerate import Accelerator
+
+SNAPSHOTS = "snapshots"  # folder of a run's averaged weights, each named by the pictures shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,16 +154,13 @@ def train(
     if main:
         start_name = start.weights_hash if start else "random weights"
         claim(out, describe(config, networks, pictures.folder, start_name))
-    label_size = pictures.labels.rows().shape[1]
-    weights = first_weights(start, config) if start else None
-    state = new_state(config, networks, label_size, accelerator.device, weights)
-    if start is None:
-        fit_reach(state.generator.decoder, canonical_body(body))
-        state.average.load_state_dict(state.generator.state_dict())
+    state = begin(config, networks, pictures, body, accelerator.device, start)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
     if main:
         cut_log(out / "log.jsonl", state.images)
+    if main and state.images == 0:
+        keep_weights(state, run, pictures, out)
     board = tensorboard(out, state.images) if main else None
     started, first = time.monotonic(), state.images
     while state.images < config.images:
@@ -177,6 +177,23 @@ def train(
         if main and snapshot_is_due(state.images, config):
             snapshot(state, run, pictures, out)
     return state.average
+
+
+def begin(
+    config: AdversarialConfig,
+    networks: GeneratorConfig,
+    pictures: Pictures,
+    body: Body,
+    device: torch.device,
+    start: Checkpoint | None,
+) -> State:
+    """The networks before the first step."""
+    weights = first_weights(start, config) if start else None
+    state = new_state(config, networks, pictures.labels.rows().shape[1], device, weights)
+    if start is None:
+        fit_reach(state.generator.decoder, canonical_body(body))
+        state.average.load_state_dict(state.generator.state_dict())
+    return state
 
 
 def snapshot_is_due(images: int, config: AdversarialConfig) -> bool:
@@ -390,18 +407,26 @@ def update_average(state: State, config: AdversarialConfig) -> None:
         kept.lerp_(new, 1 - keep)
 
 
-@torch.no_grad()
 def snapshot(state: State, run: Run, pictures: Pictures, out: Path) -> None:
     """Write the averaged generator, a picture grid and, last, the state to continue from."""
+    write_atomically(out / "generator.safetensors", keep_weights(state, run, pictures, out).read_bytes())
+    picture_grid(state.average, run.surface, pictures, out / "pictures" / f"{state.images:09d}.png")
+    save_state(state, out / "state.pt")
+
+
+@torch.no_grad()
+def keep_weights(state: State, run: Run, pictures: Pictures, out: Path) -> Path:
+    """Write the averaged generator under the number of pictures shown: the last is not always the best."""
     random = torch.Generator().manual_seed(run.config.seed)
     average, device = state.average, run.accelerator.device
     z = torch.randn(1024, average.config.mapping.z_size, generator=random)
     camera, _, _ = pictures.row(torch.randint(len(pictures), (1024,), generator=random))
     average.mapping.average.copy_(average.mapping(z.to(device), camera.to(device)).mean(dim=0))
     notes = {"licence": "Apache-2.0", "training": f"adversarial, {state.images} pictures"}
-    save_checkpoint(average, out / "generator.safetensors", notes)
-    picture_grid(average, run.surface, pictures, out / "pictures" / f"{state.images:09d}.png")
-    save_state(state, out / "state.pt")
+    path = out / SNAPSHOTS / f"{state.images:09d}.safetensors"
+    path.parent.mkdir(exist_ok=True)
+    save_checkpoint(average, path, notes)
+    return path
 
 
 def summarize(line: dict[str, float | int], config: AdversarialConfig, speed: float) -> str:

@@ -73,7 +73,7 @@ class AdversarialConfig:
     images: int = 100_000  # the end
     batch: int = 8  # over all processes
     seed: int = 0
-    snapshot_every: int = 2_000  # checkpoint, state and picture grid
+    snapshot_every: int = 2_000  # weights, which are kept, state and picture grid
     report_every: int = 10  # steps between lines of the log
     precision: Literal["no", "bf16", "fp16"] = "no"  # of both networks' convolutions; rendering keeps float32
 
