@@ -87,6 +87,9 @@ class Avatar:
     def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
         """Signed distance to the clothed surface, metres, negative inside.
 
+        Beyond the bounds, where nothing was learned, it is that of the nearest point within plus the way to
+        it: a skirt that reaches them ends.
+
         Raises:
             FieldError: a point or a value is NaN or infinite.
         """
@@ -95,7 +98,12 @@ class Avatar:
             shape = self.field.ask(points, body, "shape")
             return self.field.generator.decoder.signed_distance(shape, body.distance)[0]
 
-        return self.evaluate(points, distance, "signed distance")
+        low, high = torch.from_numpy(self.bounds).to(points)
+        within = points.clamp(low, high)
+        beyond = (points - within).norm(dim=1)
+        if not torch.isfinite(beyond).all():
+            within = points  # which is refused
+        return self.evaluate(within, distance, "signed distance") + beyond.float()
 
     @torch.inference_mode()
     def color(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:

@@ -163,3 +163,13 @@ def test_importing_the_package_is_light():
     assert avatargen.load_generator is load_generator
     with pytest.raises(AttributeError, match="nothing"):
         _ = avatargen.nothing  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_beyond_the_bounds_the_field_grows_with_the_way_back():
+    avatar = load_generator().sample(114)  # whose skirt reaches them
+    edge = torch.tensor([-0.192, -0.705, float(avatar.bounds[0, 2])])
+    steps = torch.linspace(0, 0.5, 11)
+    found = avatar.sdf(edge - steps[:, None] * torch.tensor([0.0, 0.0, 1.0]))
+    assert torch.allclose(found, found[0] + steps, atol=1e-6)
+    with pytest.raises(FieldError, match="finite points"):
+        avatar.sdf(torch.tensor([[0.0, float("inf"), 0.0]]))
