@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from assets import BuildConfig, build
+from assets.errors import GeometryError
 from avatargen.commands.survey import Row, contact_sheet, main, summary
 
 
@@ -53,3 +55,16 @@ def test_survey_of_the_shipped_weights(tmp_path: Path) -> None:
     assert found["rows"][0]["bytes"] == (tmp_path / "avatar_5.glb").stat().st_size
     for name in ("sheet.png", "faces.png"):
         assert Image.open(tmp_path / name).height == 64
+
+
+def test_a_seed_that_cannot_be_built_is_named_and_the_others_are_kept(tmp_path: Path, monkeypatch, capsys):
+    def sometimes(avatar):
+        if avatar.seed == 5:
+            raise GeometryError("extract: nothing is there")
+        return build(avatar, BuildConfig(resolution=96, faces=1000, texture=64))
+
+    monkeypatch.setattr("assets.build", sometimes)
+    assert main(["--out", str(tmp_path), "--first", "5", "--count", "2", "--height", "64"]) == 2
+    printed = capsys.readouterr()
+    assert "seed 5: extract: nothing is there" in printed.out and "seeds [5] of 2" in printed.err
+    assert [row["seed"] for row in json.loads((tmp_path / "survey.json").read_text())["rows"]] == [6]

@@ -58,20 +58,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(options: Options) -> None:
-    """Every seed through the default pipeline; prints a line a seed and the worst of each column."""
+    """Every seed through the default pipeline; prints a line a seed and the worst of each column.
+
+    Raises:
+        GeometryError: some seeds could not be built; the others are written all the same.
+    """
     import avatargen
     from assets import build
+    from assets.errors import GeometryError
     from assets.preview import PreviewConfig, render
     from avatargen.atomic import write_atomically
     from exporters.glb import encode
-    from exporters.png import encode_png
 
     generator = avatargen.load_generator(options.weights)
     options.out.mkdir(parents=True, exist_ok=True)
-    rows, figures, faces = [], [], []
+    rows, figures, faces, failed = [], [], [], []
     for seed in range(options.first, options.first + options.count):
         started = time.perf_counter()
-        asset = build(generator.sample(seed))
+        try:
+            asset = build(generator.sample(seed))
+        except GeometryError as error:
+            print(f"seed {seed}: {error}", flush=True)
+            failed.append(seed)
+            continue
         data = encode(asset)
         rows.append(outcome(seed, asset, len(data), time.perf_counter() - started))
         print(rows[-1], flush=True)
@@ -79,9 +88,22 @@ def run(options: Options) -> None:
             write_atomically(options.out / f"avatar_{seed}.glb", data)
         figures.append(render(asset, PreviewConfig(height=options.height, views=("front", "back"))))
         faces.append(render(asset, PreviewConfig(height=options.height, views=("face",))))
-    write_atomically(options.out / "survey.json", json.dumps(summary(rows), indent=1).encode() + b"\n")
-    write_atomically(options.out / "sheet.png", encode_png(contact_sheet(figures)))
-    write_atomically(options.out / "faces.png", encode_png(contact_sheet(faces)))
+    if rows:
+        write_outcome(options.out, rows, figures, faces)
+    if failed:
+        raise GeometryError(
+            f"survey: seeds {failed} of {options.count} could not be built; see the lines above"
+        )
+
+
+def write_outcome(out: Path, rows: list[Row], figures: list[np.ndarray], faces: list[np.ndarray]) -> None:
+    """The table and the sheets; prints the summary."""
+    from avatargen.atomic import write_atomically
+    from exporters.png import encode_png
+
+    write_atomically(out / "survey.json", json.dumps(summary(rows), indent=1).encode() + b"\n")
+    write_atomically(out / "sheet.png", encode_png(contact_sheet(figures)))
+    write_atomically(out / "faces.png", encode_png(contact_sheet(faces)))
     print({name: value for name, value in summary(rows).items() if name != "rows"})
 
 
