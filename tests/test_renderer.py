@@ -40,8 +40,8 @@ def test_mean_depth_in_fog_converges_to_its_integral():
     samples = stratify(near, far, 500)
     fog = torch.full((1, 500), sigma, dtype=torch.float64)
     rendering = composite(fog, torch.zeros(1, 500, 1).double(), samples, far, itself)
-    # integral of t sigma exp(-sigma (t - 1)) from 1 to 3, plus what passes times far
-    expected = 1 + (1 - np.exp(-2 * sigma)) / sigma
+    # integral of t sigma exp(-sigma (t - 1)) from 1 to 3, over that without t
+    expected = 1 + 1 / sigma - 2 * np.exp(-2 * sigma) / (1 - np.exp(-2 * sigma))
     assert rendering.depth.item() == pytest.approx(expected, abs=1e-5)
 
 
@@ -87,7 +87,7 @@ def test_composite_matches_a_slow_float64_loop():
                 passed -= seen
         assert np.abs(rendering.features[ray].numpy() - total).max() < 1e-5
         assert rendering.mask[ray].item() == pytest.approx(1 - passed, abs=1e-5)
-        assert rendering.depth[ray].item() == pytest.approx(depth + passed * float(far[ray]), abs=1e-5)
+        assert rendering.depth[ray].item() == pytest.approx(depth / (1 - passed), abs=1e-5)
 
 
 def hermite(places: np.ndarray, numbers: np.ndarray) -> CubicHermiteSpline:
@@ -132,6 +132,7 @@ def test_rays_that_miss_see_nothing_and_get_no_samples():
     samples = stratify(near, far, 3)
     rendering = composite(torch.full((4, 3), 1e6), torch.ones(4, 3, 1), samples, far, itself)
     assert rendering.mask.tolist() == [1, 0, 0, 1]
+    assert torch.equal(rendering.depth[1:3], far[1:3])
 
 
 def test_stratified_samples_stay_in_their_bins():

@@ -23,6 +23,7 @@ from torch.nn import functional as F
 from avatargen.generator.density import Density
 
 PIECES = 8  # of a segment between two samples
+FAINTEST = 1e-6  # mask that still has a depth
 SHORTEST = 1e-9  # metres, of a segment that is divided by
 
 
@@ -38,7 +39,7 @@ class Samples:
 
 @dataclass(frozen=True, kw_only=True)
 class Rendering:
-    """What rays see. `depth` is the mean distance, where light that passes through counts as far."""
+    """What rays see. `depth` is the mean distance of what stops the light; far where nothing does."""
 
     features: Float[Tensor, "*rays K"]
     depth: Float[Tensor, "*rays"]
@@ -103,15 +104,16 @@ def composite(
     optical = (sigma * samples.length[..., None] / PIECES).flatten(-2)
     before = F.pad(torch.cumsum(optical[..., :-1], dim=-1), (1, 0))
     weights = (torch.exp(-before) * -torch.expm1(-optical)).unflatten(-1, (-1, PIECES))
-    passed = torch.exp(-optical.sum(dim=-1))
+    mask = -torch.expm1(-optical.sum(dim=-1))
     middle = (inside[:-1] + inside[1:]) / 2
     shares = F.pad((weights * (1 - middle)).sum(-1), (0, 1)) + F.pad((weights * middle).sum(-1), (1, 0))
     rest = distance.shape[-1] - 1
     own = shares[..., 1:-1] + F.pad(shares[..., :1], (0, rest)) + F.pad(shares[..., -1:], (rest, 0))
+    seen = (shares * depth).sum(dim=-1)
     return Rendering(
         features=(own[..., None] * features).sum(dim=-2),
-        depth=(shares * depth).sum(dim=-1) + passed * far,
-        mask=1 - passed,
+        depth=torch.where(mask > FAINTEST, seen / mask.clamp_min(FAINTEST), far),
+        mask=mask,
     )
 
 
