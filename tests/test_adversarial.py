@@ -279,7 +279,8 @@ def test_weights_that_never_rendered_take_this_runs_sharpness(folder: Path, pict
     learned = float(start.generator.density.alpha.detach())
     assert float(first_weights(start, sharp)["density.p"]) == pytest.approx(learned - 1e-4, rel=1e-5)
     with torch.no_grad():
-        start.generator.density.p.copy_(Density(start.generator.config.render.initial_alpha).p)
+        untrained = Density(start.generator.config.render.initial_alpha).p
+        start.generator.density.p.copy_(untrained.half())  # as files keep it
     assert float(first_weights(start, sharp)["density.p"]) == pytest.approx(0.004 - 1e-4, rel=1e-5)
     assert start.generator.config.render.initial_alpha != 0.004
 

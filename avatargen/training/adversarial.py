@@ -54,6 +54,7 @@ from avatargen.training.snapshot import picture_grid, tensorboard
 if TYPE_CHECKING:
     from accelerate import Accelerator
 
+HALF_DIGITS = 2e-3  # share by which a number moves when a file keeps it in 16 bits, and some
 SNAPSHOTS = "snapshots"  # folder of a run's averaged weights, each named by the pictures shown
 
 
@@ -238,7 +239,7 @@ def first_weights(start: Checkpoint, config: AdversarialConfig) -> dict[str, Ten
     if not learned_deformation(start.generator):
         weights = {name: value for name, value in weights.items() if not name.startswith("deformation.")}
     untrained = Density(rendering.initial_alpha).p.detach()
-    if torch.equal(weights["density.p"].cpu(), untrained):
+    if torch.isclose(weights["density.p"].cpu(), untrained, rtol=HALF_DIGITS):
         weights["density.p"] = Density(config.render.initial_alpha).p.detach()
     return weights
 
