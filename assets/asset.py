@@ -3,7 +3,7 @@
     PlainAsset (a mesh) -> TexturedAsset (and its colours) -> Asset (and its skeleton)
 
 A scene that needs no skeleton or no colours gets one of the smaller types: what is left out is not there.
-Letters: W vertices after the texture's seams have split them, F faces, J joints, S texels along a side.
+Letters: W vertices after the texture's seams have split them, F faces, J joints, S and K texels along a side.
 Metres, y up, facing +z; uv origin at the texture's top left, as in glTF. The vertices stand in the
 skeleton's rest pose.
 """
@@ -73,11 +73,12 @@ class PlainAsset:
 
 @dataclass(frozen=True, kw_only=True)
 class TexturedAsset(PlainAsset):
-    """A mesh with a base colour texture and, where it is seen close, a normal map."""
+    """A mesh with a base colour texture and, where wanted, a normal map and ambient occlusion."""
 
     uv: Float32[np.ndarray, "W 2"]
     texture: UInt8[np.ndarray, "S S 3"]
     normal_map: NormalMap | None = None
+    occlusion: UInt8[np.ndarray, "K K"] | None = None  # 255: open to light from all around; 0: to none
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -90,6 +91,8 @@ class TexturedAsset(PlainAsset):
             raise GeometryError(
                 f"asset: {len(self.normal_map.tangents)} tangents for {len(self.vertices)} vertices"
             )
+        if self.occlusion is not None:
+            check_occlusion(self.occlusion)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +114,14 @@ class Asset(TexturedAsset):
         if not error < WEIGHT_SUM_LIMIT or self.weights.min() < 0:
             raise GeometryError(f"asset: weight sums are off 1 by {error:.1e}, limit {WEIGHT_SUM_LIMIT:.0e}")
         check_motion(self)
+
+
+def check_occlusion(texels: np.ndarray) -> None:
+    """Raises GeometryError unless the texels are a square of bytes."""
+    if texels.dtype != np.uint8 or texels.ndim != 2 or len(set(texels.shape)) != 1 or not texels.size:
+        raise GeometryError(
+            f"asset: occlusion is {texels.dtype} of shape {texels.shape}; a square of uint8 is needed"
+        )
 
 
 def require_finite(**arrays: np.ndarray) -> None:

@@ -27,7 +27,7 @@ def painted(
     """The asset in the colours of values from 0 to 1; what lies beyond has the colour of the nearer end."""
     place = 0.5 / STEPS + np.clip(values, 0, 1) * (1 - 1 / STEPS)
     uv = np.stack([place, np.full(len(place), 0.5)], axis=1).astype(np.float32)
-    return replace(asset, uv=uv, texture=scale(colors), normal_map=None)
+    return replace(asset, uv=uv, texture=scale(colors), normal_map=None, occlusion=None)
 
 
 def scale(colors: tuple[str, ...]) -> UInt8[np.ndarray, "S S 3"]:

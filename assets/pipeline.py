@@ -1,15 +1,12 @@
 """From an avatar's fields to an asset: the stages in order, timed.
 
 extract -> clean -> simplify -> skin -> measure, rest -> bake
-                                  `---> atlas (its own process) ---'      `---> normals, where wanted
+                                  `---> atlas (its own process) ---'      `---> normals, occlusion on request
 
 Which of them run is planned first (`assets.plan`): a mesh alone has no atlas and no colours.
 """
 
-import time
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -23,6 +20,7 @@ from assets.attach import Attachment, attach
 from assets.bake import BakeConfig, Texture, bake_texture
 from assets.bones import Bones, add_ends, aim_bones
 from assets.clean import Cleaning, tidy
+from assets.clock import Clock, Progress
 from assets.extract import ExtractConfig, Extraction, trace_whole
 from assets.fit import fit
 from assets.flip import flip
@@ -30,6 +28,7 @@ from assets.joints import body_on, drop_idle_joints
 from assets.measure import SurfaceError, surface_error
 from assets.morph import beta_sliders
 from assets.normal_map import bake_normals
+from assets.occlusion import bake_occlusion, distance_to
 from assets.plan import Content, Joints, LeftOut, Plan, make_plan
 from assets.rest import RestMesh, to_rest
 from assets.rig import Morph, Skeleton
@@ -42,7 +41,6 @@ from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 
-Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
 FIT_ROUNDS = 2  # of turning edges and placing vertices; the second takes 4 % off the error
 DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at faces
 
@@ -81,6 +79,7 @@ class BuildConfig:
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
     head_detail: float = 2.0  # texels along a line on the head for one on the body
     normal_map: int | None = None  # texels along a side of the field's own normals; None: none
+    ambient_occlusion: int | None = None  # texels along a side of how open the surface lies; None: none
     bones: Bones = "along"  # joints' frames have +y along their bones; world: they are the world's
     ends: bool = False  # a joint that moves nothing where each last bone ends
     morphs: bool = False  # a slider for each of the body's shape directions
@@ -92,8 +91,14 @@ class BuildConfig:
             SimplifyConfig(target_faces=self.faces)
         BakeConfig(texture_size=self.texture)
         AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
-        make_plan(self.content, self.faces, self.joints, self.normal_map is not None)
         BakeConfig(texture_size=self.normal_map or self.texture)
+        BakeConfig(texture_size=self.ambient_occlusion or self.texture)
+        self.plan()
+
+    def plan(self) -> Plan:
+        """The stages that this takes. Raises InputError for settings that do not go together."""
+        maps = self.normal_map is not None, self.ambient_occlusion is not None
+        return make_plan(self.content, self.faces, self.joints, *maps)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,10 +135,9 @@ def build_content(avatar: AvatarFields, config: BuildConfig, progress: Progress 
 
     Raises the errors of `build`, but for settings that ask for less.
     """
-    plan = make_plan(config.content, config.faces, config.joints, config.normal_map is not None)
-    clock = Clock(plan, progress)
+    clock = Clock(config.plan(), progress)
     shape = make_shape(avatar, config, clock)
-    texture = normal_map = None
+    texture = normal_map = occlusion = None
     if shape.atlas is not None:
         with clock("bake"):
             texture = bake_texture(
@@ -143,14 +147,24 @@ def build_content(avatar: AvatarFields, config: BuildConfig, progress: Progress 
         size = BakeConfig(texture_size=config.normal_map)
         with clock("normals"):
             normal_map = bake_normals(shape.surface, shape.rest, shape.atlas, avatar.sdf, size)
+    if shape.atlas is not None and config.ambient_occlusion is not None:
+        size = BakeConfig(texture_size=config.ambient_occlusion)
+        with clock("occlusion"):
+            occlusion = bake_occlusion(shape.surface, shape.atlas, distance_to(shape.surface), size)
     plain = plain_asset(avatar, shape, make_report(shape, texture, config, clock))
     if shape.atlas is None or texture is None:
         return plain
-    textured = TexturedAsset(**vars(plain), uv=shape.atlas.uv, texture=texture.texels, normal_map=normal_map)
+    textured = TexturedAsset(
+        **vars(plain),
+        uv=shape.atlas.uv,
+        texture=texture.texels,
+        normal_map=normal_map,
+        occlusion=occlusion,
+    )
     return textured if config.content == "textured" else rig(textured, shape, shape.atlas, avatar, config)
 
 
-def make_shape(avatar: AvatarFields, config: BuildConfig, clock: "Clock") -> Shape:
+def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape:
     """The stages that make the mesh; charts are cut in a process of their own meanwhile."""
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
@@ -245,22 +259,6 @@ def make_morphs(avatar: AvatarFields, shape: Shape, atlas: Atlas, config: BuildC
         )
         for slider in sliders
     )
-
-
-class Clock:
-    """Seconds of each stage, and a word to whoever watches when one begins."""
-
-    def __init__(self, plan: Plan, progress: Progress | None) -> None:
-        self.plan, self.progress = plan, progress
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        if self.progress is not None:
-            self.progress(stage, self.plan.share(len(self.seconds)))
-        start = time.perf_counter()
-        yield
-        self.seconds[stage] = time.perf_counter() - start
 
 
 def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Float[np.ndarray, "J 3"]:

@@ -24,6 +24,7 @@ STAGES = {
     "atlas": 0.05,
     "bake": 0.15,
     "normals": 0.5,
+    "occlusion": 0.5,
 }
 
 
@@ -49,12 +50,14 @@ class Plan:
         return sum(STAGES[stage] for stage in self.stages[:done]) / total
 
 
-def make_plan(content: Content, faces: int | None, joints: Joints, normal_map: bool) -> Plan:
+def make_plan(
+    content: Content, faces: int | None, joints: Joints, normal_map: bool, ambient_occlusion: bool
+) -> Plan:
     """The stages that content needs; `faces` None keeps every face of the extracted surface.
 
     Raises:
         InputError: a texture on a surface that is not simplified, whose charts would take minutes; a normal
-            map of a mesh without texture coordinates.
+            map or ambient occlusion of a mesh without texture coordinates.
     """
     if content not in CONTENTS:
         raise InputError(f"content: found {content!r}, wanted one of {', '.join(CONTENTS)}")
@@ -62,8 +65,9 @@ def make_plan(content: Content, faces: int | None, joints: Joints, normal_map: b
         raise InputError(
             f"found content {content} without a number of faces, whose charts would take minutes; give one"
         )
-    if normal_map and content == "mesh":
-        raise InputError("found a normal map on content mesh, which has no texture coordinates; drop one")
+    if content == "mesh" and (normal_map or ambient_occlusion):
+        what = "a normal map" if normal_map else "ambient occlusion"
+        raise InputError(f"found {what} on content mesh, which has no texture coordinates; drop one")
     left_out = [
         LeftOut(what="deformation network", why="in the canonical pose it has nothing to correct"),
         LeftOut(what="volume rendering and upsampling", why="a file holds a surface, not a picture"),
@@ -80,9 +84,7 @@ def make_plan(content: Content, faces: int | None, joints: Joints, normal_map: b
         why = "a mesh alone is wanted"
         left_out.append(LeftOut(what="texture coordinates", why=why, stages=("atlas",)))
         left_out.append(LeftOut(what="colours", why=why, stages=("bake",)))
-    if not normal_map:
-        why = "a mesh alone is wanted" if content == "mesh" else "it shows only up close and was not wanted"
-        left_out.append(LeftOut(what="normal map", why=why, stages=("normals",)))
+    left_out += unwanted_maps(content, normal_map, ambient_occlusion)
     if content != "rigged":
         why = "nothing will move it; weights served to pose it and are not stored"
         left_out.append(LeftOut(what="skeleton and weights", why=why))
@@ -92,3 +94,16 @@ def make_plan(content: Content, faces: int | None, joints: Joints, normal_map: b
         left_out.append(LeftOut(what="idle joints", why="they move no vertex and carry no joint that does"))
     skipped = {stage for item in left_out for stage in item.stages}
     return Plan(stages=tuple(stage for stage in STAGES if stage not in skipped), left_out=tuple(left_out))
+
+
+def unwanted_maps(content: Content, normal_map: bool, ambient_occlusion: bool) -> list[LeftOut]:
+    """The maps beside the base colour that are not made, and why."""
+    alone = "a mesh alone is wanted" if content == "mesh" else None
+    found = []
+    if not normal_map:
+        why = alone or "it shows only up close and was not wanted"
+        found.append(LeftOut(what="normal map", why=why, stages=("normals",)))
+    if not ambient_occlusion:
+        why = alone or "many viewers shade hollows by themselves, and it was not wanted"
+        found.append(LeftOut(what="ambient occlusion", why=why, stages=("occlusion",)))
+    return found

@@ -27,7 +27,7 @@ class Encoding:
     def mime_type(self) -> str:
         return f"image/{self.pictures}"
 
-    def picture(self, name: str, pixels: UInt8[np.ndarray, "H W 3"]) -> bytes:
+    def picture(self, name: str, pixels: UInt8[np.ndarray, "H W *C"]) -> bytes:
         """A picture's bytes, the same for the same pixels. Directions ("normal") keep their full colour
         resolution, in WebP every bit."""
         if self.pictures == "png":

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from assets.asset import PlainAsset
 from assets.plan import Content
@@ -12,6 +13,7 @@ from exporters import glb, gltf_files, obj, ply, stl, vrm
 from exporters.encoding import PLAIN, SUFFIXES, Encoding, PictureFormat
 from exporters.file import File
 
+Map = Literal["normal", "occlusion"]
 Encoder = Callable[[PlainAsset, tuple[str, ...], Encoding], tuple[File, ...]]
 
 
@@ -22,15 +24,16 @@ class Format:
     `encode` gets the asset and the names of all files there may be, the one asked for first, and returns
     those that the asset needs, in that order; it touches neither the disk nor the asset. `beside` ends the
     names of the files that stand beside the one asked for: person.usda brings person_base_color.png.
-    `content` is the most that the format can hold, `normal_map` whether that is among it, `rest_pose` the one
-    pose that it must have. `pictures` are the ways it can hold pictures in, `quantize` whether it can hold
-    rounded numbers; only formats with `levels` hold coarser levels of detail, the others write the finest.
+    `content` is the most that the format can hold, `maps` the pictures among it beside the base colour,
+    `rest_pose` the one pose that it must have. `pictures` are the ways it can hold pictures in, `quantize`
+    whether it can hold rounded numbers; only formats with `levels` hold coarser levels of detail, the others
+    write the finest.
     """
 
     encode: Encoder
     beside: tuple[str, ...] = ()
     content: Content = "rigged"
-    normal_map: bool = True
+    maps: tuple[Map, ...] = ("normal", "occlusion")
     rest_pose: str | None = None
     pictures: tuple[PictureFormat, ...] = ("png", "jpeg")
     quantize: bool = False
@@ -57,18 +60,20 @@ FORMATS: dict[str, Format] = {
     ".glb": Format(one_file(glb.encode), pictures=tuple(SUFFIXES), quantize=True, levels=True),
     ".gltf": Format(
         gltf_files.encode,
-        beside=(".bin", "_base_color.png", "_normal.png"),
+        beside=(".bin", "_base_color.png", "_normal.png", "_occlusion.png"),
         pictures=tuple(SUFFIXES),
         quantize=True,
         levels=True,
     ),
     ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
-    ".usda": Format(encode_usd, beside=("_base_color.png", "_normal.png")),
-    ".usdc": Format(encode_usd, beside=("_base_color.png", "_normal.png")),
+    ".usda": Format(encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png")),
+    ".usdc": Format(encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png")),
     ".usdz": Format(encode_usd),
-    ".obj": Format(obj.encode, beside=(".mtl", "_base_color.png", "_normal.png"), content="textured"),
-    ".ply": Format(mesh_file(ply.encode), content="textured", normal_map=False, pictures=("png",)),
-    ".stl": Format(mesh_file(stl.encode), content="mesh", normal_map=False, pictures=("png",)),
+    ".obj": Format(
+        obj.encode, beside=(".mtl", "_base_color.png", "_normal.png"), content="textured", maps=("normal",)
+    ),
+    ".ply": Format(mesh_file(ply.encode), content="textured", maps=(), pictures=("png",)),
+    ".stl": Format(mesh_file(stl.encode), content="mesh", maps=(), pictures=("png",)),
 }
 
 

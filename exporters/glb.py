@@ -22,6 +22,7 @@ from exporters.glb_motion import animations, morph_targets, rest_quaternions
 from exporters.quantize import EXTENSION, cube_around, directions, shares, whole_weights
 
 WEBP = "EXT_texture_webp"
+PICTURES = ("base_color", "normal", "occlusion")  # that an asset can have, in order
 ROUGHNESS = 0.8  # cloth and skin scatter light; nothing on the asset is metal
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])  # quaternion x y z w
 
@@ -97,12 +98,12 @@ def add_textures(
     picture_uris: Sequence[str],
     binary: Binary,
 ) -> None:
-    """The pictures that the material reads: the base colour and, where there is one, the normal map."""
+    """The pictures that the material reads: the base colour and what there is beside it."""
     document.samplers = [texture_sampler()]
     for index, (name, pixels) in enumerate(pictures(asset).items()):
         image = gltf.Image(name=name)
         if picture_uris:
-            image.uri = picture_uris[index]
+            image.uri = picture_uris[PICTURES.index(name)]
         else:
             image.bufferView = binary.add_bytes(encoding.picture(name, pixels))
             image.mimeType = encoding.mime_type
@@ -125,16 +126,21 @@ def require_extension(document: gltf.GLTF2, name: str) -> None:
     document.extensionsRequired = sorted({*(document.extensionsRequired or []), name})
 
 
-def pictures(asset: TexturedAsset) -> dict[str, UInt8[np.ndarray, "S S 3"]]:
-    """What an asset has to be looked at, the base colour first."""
+def pictures(asset: TexturedAsset) -> dict[str, UInt8[np.ndarray, "S S *C"]]:
+    """What an asset has to be looked at, in the order of `PICTURES`; occlusion is grey."""
     found = {"base_color": asset.texture}
-    return found if asset.normal_map is None else found | {"normal": asset.normal_map.texels}
+    if asset.normal_map is not None:
+        found["normal"] = asset.normal_map.texels
+    if asset.occlusion is not None:
+        found["occlusion"] = asset.occlusion
+    return found
 
 
-def picture_files(asset: TexturedAsset, names: Sequence[str], encoding: Encoding) -> tuple[File, ...]:
-    """The asset's pictures as files of these names, of which there may be more than pictures."""
-    found = zip(names, pictures(asset).items(), strict=False)
-    return tuple(File(file, encoding.picture(name, pixels)) for file, (name, pixels) in found)
+def picture_files(asset: TexturedAsset, names: Sequence[str], encoding: Encoding) -> dict[str, File]:
+    """The asset's pictures as files; `names` are those for the first of `PICTURES`, and others are left
+    out."""
+    found, files = pictures(asset), zip(PICTURES, names, strict=False)
+    return {name: File(file, encoding.picture(name, found[name])) for name, file in files if name in found}
 
 
 def mesh_primitive(asset: PlainAsset, binary: Binary, encoding: Encoding) -> gltf.Primitive:
@@ -227,8 +233,11 @@ def material(asset: PlainAsset) -> gltf.Material:
     made = gltf.Material(name="avatar", pbrMetallicRoughness=surface, doubleSided=False)
     if isinstance(asset, TexturedAsset):
         surface.baseColorTexture = gltf.TextureInfo(index=0)
-        if asset.normal_map is not None:
-            made.normalTexture = gltf.NormalMaterialTexture(index=1)
+        index = {name: index for index, name in enumerate(pictures(asset))}
+        if "normal" in index:
+            made.normalTexture = gltf.NormalMaterialTexture(index=index["normal"])
+        if "occlusion" in index:
+            made.occlusionTexture = gltf.OcclusionTextureInfo(index=index["occlusion"])
     return made
 
 

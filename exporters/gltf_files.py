@@ -17,5 +17,5 @@ def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tup
     document.buffers = [gltf.Buffer(uri=quote(buffer_name), byteLength=len(data))]
     files = (File(name, document.to_json(indent=1).encode()), File(buffer_name, data))
     if isinstance(asset, TexturedAsset):
-        return (*files, *glb.picture_files(asset, picture_names, encoding))
+        return (*files, *glb.picture_files(asset, picture_names, encoding).values())
     return files

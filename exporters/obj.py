@@ -44,8 +44,8 @@ def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tup
     files = picture_files(asset, picture_names, encoding)
     return (
         File(name, text.encode()),
-        File(material_name, material([file.name for file in files]).encode()),
-        *files,
+        File(material_name, material([file.name for file in files.values()]).encode()),
+        *files.values(),
     )
 
 
@@ -68,7 +68,8 @@ def faces(corners: Int64[np.ndarray, "F 3 *indices"], pattern: str) -> str:
 
 
 def material(picture_names: Sequence[str]) -> str:
-    """Light is scattered, nothing shines; `norm` is what OBJ's readers call a normal map."""
+    """Light is scattered, nothing shines; `norm` is what OBJ's readers call a normal map. They have no
+    name for ambient occlusion."""
     maps = zip(("map_Kd", "norm"), picture_names, strict=False)
     lines = "".join(f"{keyword} {name}\n" for keyword, name in maps)
     return f"newmtl avatar\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nNs 10\nd 1\nillum 1\n{lines}"

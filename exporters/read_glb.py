@@ -96,7 +96,7 @@ class Document:
 
 
 def read_glb(path: str | Path, rest: str = "a") -> PlainAsset:
-    """What a .glb file holds: its first mesh, as an `Asset` if that has a skin, with the base colour if any.
+    """What a .glb file holds: its first mesh, as an `Asset` if that has a skin, with its pictures if any.
 
     A file does not say in which pose it rests: `rest` is the pose's name.
 
@@ -166,11 +166,15 @@ def read_asset(document: Document, rest: str) -> PlainAsset:
             texels=read_picture(document, material["normalTexture"]),
             tangents=document.directions(attributes["TANGENT"], 4),
         )
+    occlusion = None
+    if "occlusionTexture" in material:
+        occlusion = read_picture(document, material["occlusionTexture"])[..., 0]
     textured = TexturedAsset(
         **vars(plain),
         uv=np.clip(document.numbers(attributes["TEXCOORD_0"], 2), 0, 1),
         texture=read_picture(document, material["pbrMetallicRoughness"]["baseColorTexture"]),
         normal_map=normal_map,
+        occlusion=occlusion,
     )
     if "skin" not in node:
         return textured

@@ -14,7 +14,7 @@ left there. USD's matrices act on row vectors, so ours are transposed. Letters: 
 
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +26,11 @@ from assets.rig import Skeleton
 from avatargen.errors import InputError
 from exporters.encoding import SUFFIXES, Encoding
 from exporters.file import File
-from exporters.glb import ROUGHNESS, exact_weights, picture_files, unit
+from exporters.glb import PICTURES, ROUGHNESS, exact_weights, picture_files, unit
 from exporters.package import pack
 from exporters.usd_motion import add_animations, add_morphs
 
 ROOT = "/avatar"
-PACKAGED = ("base_color", "normal")  # names in a .usdz
 UNNAMEABLE = re.compile(r"[\x00-\x1f\[\]<>]")  # in a path inside USD these mean packages and tiles
 
 
@@ -44,15 +43,17 @@ def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tup
     name, suffix = names[0], Path(names[0]).suffix.lower()
     picture_names = names[1:]
     if suffix == ".usdz":
-        picture_names = tuple(f"{picture}{SUFFIXES[encoding.pictures]}" for picture in PACKAGED)
+        picture_names = tuple(f"{picture}{SUFFIXES[encoding.pictures]}" for picture in PICTURES)
     if any(UNNAMEABLE.search(picture) for picture in picture_names):
         raise InputError(
             f"export: {name!r} holds a character that USD cannot keep in a path; use letters and digits"
         )
     stage, files = make_stage(asset), ()
     if isinstance(asset, TexturedAsset):
-        files = picture_files(asset, picture_names, encoding)
-        add_material(stage, [f"{'' if suffix == '.usdz' else './'}{file.name}" for file in files])
+        named = picture_files(asset, picture_names, encoding)
+        folder = "" if suffix == ".usdz" else "./"
+        add_material(stage, {picture: f"{folder}{file.name}" for picture, file in named.items()})
+        files = tuple(named.values())
     if suffix == ".usdz":
         return (File(name, pack((File("avatar.usdc", stage_bytes(stage, ".usdc")), *files))),)
     return (File(name, stage_bytes(stage, suffix)), *files)
@@ -177,9 +178,9 @@ def bind_mesh(mesh: UsdGeom.Mesh, asset: Asset, skeleton: UsdSkel.Skeleton) -> N
     binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
 
 
-def add_material(stage: Usd.Stage, paths: Sequence[str]) -> None:
-    """UsdPreviewSurface with the base colour and perhaps a normal map, on the mesh; cloth and skin scatter
-    light."""
+def add_material(stage: Usd.Stage, paths: Mapping[str, str]) -> None:
+    """UsdPreviewSurface with the base colour and perhaps a normal map and occlusion, on the mesh; cloth and
+    skin scatter light. `paths` are those of the pictures, by name."""
     UsdGeom.Scope.Define(stage, f"{ROOT}/looks")
     material = UsdShade.Material.Define(stage, f"{ROOT}/looks/avatar")
     reader = add_shader(stage, "st", "UsdPrimvarReader_float2", varname=(Sdf.ValueTypeNames.String, "st"))
@@ -190,13 +191,16 @@ def add_material(stage: Usd.Stage, paths: Sequence[str]) -> None:
         roughness=(Sdf.ValueTypeNames.Float, ROUGHNESS),
         metallic=(Sdf.ValueTypeNames.Float, 0.0),
     )
-    texture = add_picture(stage, "base_color", paths[0], reader, "sRGB")
+    texture = add_picture(stage, "base_color", paths["base_color"], reader, "sRGB")
     connect(surface, "diffuseColor", Sdf.ValueTypeNames.Color3f, texture, "rgb", Sdf.ValueTypeNames.Float3)
-    for path in paths[1:]:
-        texture = add_picture(stage, "normal", path, reader, "raw")
+    if "normal" in paths:
+        texture = add_picture(stage, "normal", paths["normal"], reader, "raw")
         texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(2, 2, 2, 1))
         texture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(-1, -1, -1, 0))
         connect(surface, "normal", Sdf.ValueTypeNames.Normal3f, texture, "rgb", Sdf.ValueTypeNames.Float3)
+    if "occlusion" in paths:
+        texture = add_picture(stage, "occlusion", paths["occlusion"], reader, "raw")
+        connect(surface, "occlusion", Sdf.ValueTypeNames.Float, texture, "r", Sdf.ValueTypeNames.Float)
     output = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(output)
     UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(f"{ROOT}/mesh")).Bind(material)

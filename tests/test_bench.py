@@ -153,6 +153,6 @@ def test_the_scenes_are_measured(tmp_path) -> None:
     assert bench.main(["--out", str(tmp_path), "--quick", "--scenes", "--seeds", "4"]) == 0
     (row,) = json.loads((tmp_path / "scenes.json").read_text())
     assert row["scene"] == "crowd"
-    assert row["left_out"][:2] == ["normal map", "fingers' joints"]
+    assert row["left_out"][:3] == ["normal map", "ambient occlusion", "fingers' joints"]
     assert abs(row["faces"] - 2000) <= 40
     assert "| crowd | one of hundreds" in (tmp_path / "scenes.md").read_text()

@@ -80,6 +80,9 @@ def test_pictures_are_smaller_and_nearly_the_same(tmp_path: Path, encoding: Enco
     assert 10 * np.log10(255**2 / (wrong**2).mean()) > 30  # dB
     exact = np.array_equal(back.normal_map.texels, asset.normal_map.texels)
     assert exact == (encoding.pictures == "webp")
+    assert back.occlusion is not None
+    assert asset.occlusion is not None
+    assert np.abs(back.occlusion.astype(float) - asset.occlusion).mean() < 6
     off = np.abs(back.normal_map.texels.astype(float) - asset.normal_map.texels)
     assert off.mean() < 6  # studs of eight texels, the worst there is for JPEG
 
@@ -88,9 +91,9 @@ def test_webp_is_required_of_the_reader_as_it_has_no_other_picture(tmp_path: Pat
     export(person(), tmp_path / "person.glb", Encoding(pictures="webp"))
     found = document(tmp_path / "person.glb")
     assert found.extensionsUsed == found.extensionsRequired == ["EXT_texture_webp"]
-    assert [texture.source for texture in found.textures] == [None, None]
-    assert [t.extensions["EXT_texture_webp"]["source"] for t in found.textures] == [0, 1]
-    assert [image.mimeType for image in found.images] == ["image/webp"] * 2
+    assert [texture.source for texture in found.textures] == [None] * 3
+    assert [t.extensions["EXT_texture_webp"]["source"] for t in found.textures] == [0, 1, 2]
+    assert [image.mimeType for image in found.images] == ["image/webp"] * 3
 
 
 @pytest.mark.parametrize("encoding", [QUANTIZED, ALL[-1]], ids=["png", "webp"])
@@ -161,7 +164,7 @@ def test_blender_imports_them(tmp_path: Path, encoding: Encoding) -> None:
         np.testing.assert_allclose(found["rest"], asset.vertices, atol=AGREE)
         np.testing.assert_allclose(found["posed"][0], our_vertices(asset, poses[0]), atol=AGREE)
     seen = (out / "found.json").read_text()
-    assert seen.count('"packed": true') == 2
+    assert seen.count('"packed": true') == 3
 
 
 @pytest.mark.parametrize("suffix", [".usda", ".usdz", ".obj", ".gltf"])

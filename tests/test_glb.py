@@ -195,6 +195,6 @@ def test_a_wrong_shape_raises() -> None:
     with pytest.raises(TypeCheckError):
         glb.exact_weights(np.ones((5, 3), dtype=np.float32) / 3)
     with pytest.raises(TypeCheckError):
-        encode_png(np.zeros((8, 8), dtype=np.uint8))
+        encode_png(np.zeros(8, dtype=np.uint8))
     with pytest.raises(TypeCheckError):
         type(chain(2))(joint_names=("a",), parents=np.zeros((1, 2), int), T_world_joint=np.eye(4)[None])

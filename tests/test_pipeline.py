@@ -140,6 +140,18 @@ def test_a_normal_map_is_made_on_request_alone():
         replace(SMALL, content="mesh", normal_map=64)
 
 
+def test_ambient_occlusion_is_made_on_request_alone():
+    asset = build(stranger(), replace(SMALL, ambient_occlusion=64))
+    assert asset.occlusion is not None
+    assert asset.occlusion.shape == (64, 64)
+    assert np.median(asset.occlusion) > 240
+    assert asset.occlusion.min() < 128
+    assert "occlusion" in dict(report_of(asset).seconds)
+    assert "ambient occlusion" not in {item.what for item in report_of(asset).left_out}
+    assert built().occlusion is None
+    assert "ambient occlusion" in {item.what for item in report_of(built()).left_out}
+
+
 @pytest.mark.parametrize("content", ["mesh", "textured"])
 def test_what_is_left_out_is_not_there_and_the_rest_is_the_same(content):
     asset = build_content(stranger(), replace(SMALL, content=content))

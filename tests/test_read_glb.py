@@ -15,6 +15,7 @@ from exporters import export, glb
 from exporters.encoding import Encoding
 from exporters.read_glb import read_glb
 from tests.tube import mapped, tube
+from tests.verdicts import khronos_issues
 
 
 def altered(change: Any, data: bytes = b"") -> bytes:
@@ -44,6 +45,18 @@ def test_what_is_written_is_read_back(tmp_path: Path, tilt: float):
     assert again.skeleton.T_world_joint == pytest.approx(asset.skeleton.T_world_joint, abs=1e-6)
     again_bytes = glb.encode(dataclasses.replace(again, normals=asset.normals, weights=asset.weights))
     assert len(again_bytes) == len(glb.encode(asset))
+
+
+def test_occlusion_is_read_back_with_and_without_a_normal_map(tmp_path: Path):
+    for asset in (mapped(tube()), dataclasses.replace(mapped(tube()), normal_map=None)):
+        export(asset, tmp_path / "a.glb")
+        again = read_glb(tmp_path / "a.glb")
+        assert isinstance(again, Asset)
+        assert again.occlusion is not None
+        assert asset.occlusion is not None
+        assert np.array_equal(again.occlusion, asset.occlusion)
+        assert (again.normal_map is None) == (asset.normal_map is None)
+        assert khronos_issues(tmp_path / "a.glb")["messages"] == []
 
 
 @pytest.mark.parametrize("kind", [PlainAsset, TexturedAsset])

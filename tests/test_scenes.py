@@ -95,6 +95,19 @@ def test_a_normal_map_takes_four_questions_a_texel(tmp_path) -> None:
     assert with_map - without == pytest.approx(4 * 0.6)  # seconds, at a microsecond a question
 
 
+def test_ambient_occlusion_takes_six_questions_a_texel(tmp_path) -> None:
+    path = tmp_path / "curves.json"
+    path.write_text(json.dumps(CURVES))
+    found = choose.load_curves(path, None)
+    with_map, without = (found.choices(64, None, size)[0].seconds for size in (1000, None))
+    assert with_map - without == pytest.approx(6 * 0.6)  # seconds, at a microsecond a question
+    given = avatar_export.parse(["--seed", "1", "--ambient-occlusion", "512"])
+    assert export_run.build_settings(given, find_format("a.glb")).ambient_occlusion == 512
+    for options in ([], ["--ambient-occlusion", "0"]):
+        given = avatar_export.parse(["--seed", "1", "--scene", "hero", *options])
+        assert export_run.build_settings(given, find_format("a.glb")).ambient_occlusion is None
+
+
 @pytest.mark.usefixtures("curves")
 def test_a_statue_is_a_closed_mesh_and_nothing_else(tmp_path) -> None:
     path = tmp_path / "statue.stl"
@@ -156,6 +169,8 @@ def test_a_dry_run_says_the_plan_and_writes_nothing(tmp_path, monkeypatch, capsy
         (["--format", "stl", "--content", "rigged"], "at most mesh"),
         (["--scene", "still", "--clip", "walk"], "skeleton"),
         (["--format", "ply", "--normal-map", "64"], "holds none"),
+        (["--format", "obj", "--ambient-occlusion", "64"], "holds none"),
+        (["--scene", "print", "--ambient-occlusion", "64"], "holds none"),
         (["--normal-map", "4"], "texture of 4"),
         (["--format", "vrm", "--texture-format", "webp"], "no webp"),
         (["--format", "usdz", "--compress", "quantize"], "rounded"),

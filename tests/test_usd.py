@@ -6,6 +6,7 @@
 import io
 import subprocess
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -119,6 +120,24 @@ def test_stage_material_and_texture(tmp_path: Path, suffix: str) -> None:
     source = stage.GetRootLayer().customLayerData["avatargen"]
     assert (source["seed"], source["weights_hash"], source["licence"]) == ("3", "0" * 64, "CC0-1.0")
     assert list(source["betas"]) == [0.5, -1.25]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_occlusion_is_read_raw_by_its_own_input(tmp_path: Path, suffix: str) -> None:
+    asset = replace(figure(), normal_map=None)
+    export(asset, tmp_path / f"person{suffix}")
+    stage = Usd.Stage.Open(str(tmp_path / f"person{suffix}"))
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/avatar/looks/avatar/surface"))
+    source, output, _ = surface.GetInput("occlusion").GetConnectedSource()
+    texture = UsdShade.Shader(source)
+    assert output == "r"
+    assert texture.GetInput("sourceColorSpace").Get() == "raw"
+    assert texture.GetInput("file").Get().path.endswith("occlusion.png")
+    assert not surface.GetInput("normal")
+    assert check_usd(tmp_path / f"person{suffix}") == []
+    if suffix != ".usdz":
+        with Image.open(tmp_path / "person_occlusion.png") as picture:
+            np.testing.assert_array_equal(np.asarray(picture), asset.occlusion)
 
 
 def texture_bytes(path: Path) -> bytes:

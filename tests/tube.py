@@ -36,7 +36,7 @@ def checker(size: int) -> np.ndarray:
 
 
 def mapped(asset: Asset, size: int = 32) -> Asset:
-    """The asset with a normal map of round studs."""
+    """The asset with a normal map of round studs, dark in between."""
     place = (np.arange(size) + 0.5) % 8 / 4 - 1
     x, y = np.meshgrid(place, -place)
     stud = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0.2))], axis=-1)
@@ -44,7 +44,7 @@ def mapped(asset: Asset, size: int = 32) -> Asset:
     surface = Surface(vertices=asset.vertices.astype(np.float64), faces=asset.faces)
     tangents = find_tangents(surface, asset.normals.astype(np.float64), asset.uv.astype(np.float64))
     texels = np.rint(127.5 * (stud + 1)).astype(np.uint8)
-    return replace(asset, normal_map=NormalMap(texels=texels, tangents=tangents))
+    return replace(asset, normal_map=NormalMap(texels=texels, tangents=tangents), occlusion=texels[..., 2])
 
 
 def tube(rings: int = 12, sides: int = 16, joint_count: int = 2, size: int = 64, tilt: float = 0.0) -> Asset:

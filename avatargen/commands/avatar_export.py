@@ -150,6 +150,12 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
         help="width and height of a normal map of the finest folds, 0 for none (default: by --scene)",
     )
     shape.add_argument(
+        "--ambient-occlusion",
+        type=whole_number(0, 8192),
+        metavar="N",
+        help="width and height of a texture that darkens what little light reaches (default: 0, none)",
+    )
+    shape.add_argument(
         "--texture-format",
         choices=PICTURES,
         default="png",

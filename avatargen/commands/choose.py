@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64
 
-from assets.normal_map import QUESTIONS
+from assets import normal_map, occlusion
 from avatargen.errors import InputError
 
 SPEED_POINTS = 20_000
 SPREAD = 0.01  # metres from the body's vertices
-ASKED = 0.6  # share of a normal map's texels that the field is asked at
+ASKED = 0.6  # share of a map's texels that the field is asked at
+QUESTIONS = {"normals": normal_map.QUESTIONS, "occlusion": occlusion.QUESTIONS}  # a texel, by stage
 HEADROOM = 1.1  # on a prediction: the time a budget must have room for
 
 
@@ -42,20 +43,23 @@ class Curves:
     field_us: float  # microseconds a point of the field took the bench
     scale: float
 
-    def choices(self, texture: int | None, normal_map: int | None = None) -> list[Choice]:
+    def choices(
+        self, texture: int | None, normal_map: int | None = None, ambient_occlusion: int | None = None
+    ) -> list[Choice]:
         """Every measured pair with the pictures' times (None: no such picture), the cheapest first."""
+        sizes = {"normals": normal_map, "occlusion": ambient_occlusion}
+        maps = sum(self.map_seconds(stage, size) for stage, size in sizes.items() if size is not None)
         found = []
         for row in self.surfaces:
             stages = dict(row["seconds"])
             if texture is None:
                 stages.pop("atlas", None)
             total = sum(stages.values()) + (0 if texture is None else self.texture_seconds(texture))
-            normals = 0 if normal_map is None else self.normal_seconds(normal_map)
             found.append(
                 Choice(
                     resolution=row["resolution"],
                     faces=row["faces"],
-                    seconds=self.scale * total + normals,
+                    seconds=self.scale * total + maps,
                     p99_mm=float(row["p99_mm"]),
                 )
             )
@@ -76,14 +80,14 @@ class Curves:
         texels = [row["size"] ** 2 for row in self.textures]
         return float(np.interp(size**2, texels, [value(row) for row in self.textures]))
 
-    def normal_seconds(self, size: int) -> float:
-        """A normal map is questions to the field and little else."""
-        return self.scale * 1e-6 * self.field_us * QUESTIONS * ASKED * size**2
+    def map_seconds(self, stage: str, size: int) -> float:
+        """Such a map is questions for distances and little else."""
+        return self.scale * 1e-6 * self.field_us * QUESTIONS[stage] * ASKED * size**2
 
     def stage_seconds(self, stage: str, resolution: int, faces: int, texture: int) -> float:
         """What a stage takes at the measured settings nearest to these; 0 where it was not measured."""
-        if stage == "normals":
-            return self.normal_seconds(texture)
+        if stage in QUESTIONS:
+            return self.map_seconds(stage, texture)
         if stage in ("bake", "encode"):
             return self.scale * self.texture_cost(texture, lambda row: row["seconds"][stage])
         nearest = min(

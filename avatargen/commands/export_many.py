@@ -33,6 +33,7 @@ SETTINGS = (
     "faces",
     "texture",
     "normal_map",
+    "ambient_occlusion",
     "texture_format",
     "compress",
     "resolution",

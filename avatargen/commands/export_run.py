@@ -217,17 +217,23 @@ def build_settings(given: Namespace, wanted: Format) -> BuildConfig:
             f"found options of the rig, but what is made holds no skeleton ({content}); leave out --clip, "
             "--motion, --morphs, --ends and --names, or choose glb, vrm or usdz and a scene that moves"
         )
-    if given.normal_map and (content == "mesh" or not wanted.normal_map):
-        raise InputError(
-            f"found --normal-map {given.normal_map}, but what is made holds none; leave it out, or choose glb"
-        )
+    maps = () if content == "mesh" else wanted.maps
+    for option, size, kind in (
+        ("--normal-map", given.normal_map, "normal"),
+        ("--ambient-occlusion", given.ambient_occlusion, "occlusion"),
+    ):
+        if size and kind not in maps:
+            raise InputError(
+                f"found {option} {size}, but what is made holds none; leave it out, or choose glb"
+            )
     normal_map = scene.normal_map if given.normal_map is None else given.normal_map or None
     base = BuildConfig(
         content=content,
         resolution=scene.resolution,
         faces=scene.faces if content == "mesh" else scene.faces or DEFAULT_FACES,
         texture=scene.texture,
-        normal_map=normal_map if content != "mesh" and wanted.normal_map else None,
+        normal_map=normal_map if "normal" in maps else None,
+        ambient_occlusion=given.ambient_occlusion or None,
         joints=scene.joints,
     )
     return dataclasses.replace(base, **{name: value for name, value in options.items() if value is not None})
@@ -272,6 +278,7 @@ def make_report(
             "faces": config.faces,
             "texture": config.texture,
             "normal_map": config.normal_map,
+            "ambient_occlusion": config.ambient_occlusion,
             "content": config.content,
             "texture_format": given.texture_format,
             "compress": given.compress,

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from assets.asset import PlainAsset
-from assets.pipeline import BuildConfig, Progress, build_content
-from assets.plan import LeftOut, make_plan
+from assets.clock import Progress
+from assets.pipeline import BuildConfig, build_content
+from assets.plan import LeftOut
 from avatargen.avatar import Avatar, shipped
 from avatargen.commands.choose import Choice, Curves, load_curves, within_budget, within_tolerance
 
@@ -82,7 +83,8 @@ def candidates(
     Raises:
         InputError: the budget has no room for anything.
     """
-    choices = curves.choices(None if config.content == "mesh" else config.texture, config.normal_map)
+    texture = None if config.content == "mesh" else config.texture
+    choices = curves.choices(texture, config.normal_map, config.ambient_occlusion)
     if wish.budget_s is not None:
         choices = [within_budget(choices, wish.budget_s - elapsed)]
     elif wish.tolerance_mm is not None:
@@ -121,9 +123,10 @@ def describe(config: BuildConfig, wish: Wish, name: str) -> str:
     texture = "none" if config.content == "mesh" else str(config.texture)
     lines.append(
         f"resolution {config.resolution}, faces {faces}, texture {texture}, "
-        f"normal map {config.normal_map or 'none'}, joints {config.joints}"
+        f"normal map {config.normal_map or 'none'}, "
+        f"ambient occlusion {config.ambient_occlusion or 'none'}, joints {config.joints}"
     )
-    plan = make_plan(config.content, config.faces, config.joints, config.normal_map is not None)
+    plan = config.plan()
     lines.append("stages: " + ", ".join(plan.stages))
     for item in plan.left_out:
         said = saving(item, config, curves)
