@@ -111,7 +111,7 @@ def evaluate(
     count = min(config.pictures, len(data))
     chosen = torch.randperm(len(data), generator=torch.Generator().manual_seed(config.seed))[:count]
     images = load_images(data, chosen)
-    spread = torch.linspace(0, len(reference) - 1, min(len(reference), MOST_REFERENCES)).long()
+    spread = spread_over(reference, MOST_REFERENCES)
     others = load_images(reference, spread)
     seconds = {"load": time.perf_counter() - started}
     if config.samples is not None:
@@ -168,10 +168,14 @@ def real_clothes(
     data: Pictures, reference: Pictures, body: Body, chosen: Tensor, size: int
 ) -> tuple[Offsets, Offsets]:
     """The same of as many other real people, and of the chosen ones."""
-    spread = torch.linspace(0, len(reference) - 1, min(len(chosen), len(reference))).long()
-    sets = ((reference, spread), (data, chosen))
+    sets = ((reference, spread_over(reference, len(chosen))), (data, chosen))
     first, second = (real_offsets(one, which, bare_depths(one, body, which, size)) for one, which in sets)
     return first, second
+
+
+def spread_over(pictures: Pictures, most: int) -> Tensor:
+    """Numbers of at most so many pictures, evenly over the set, which holds each person's in a row."""
+    return torch.linspace(0, len(pictures) - 1, min(len(pictures), most)).long()
 
 
 def real_offsets(data: Pictures, chosen: Tensor, bare: tuple[Tensor, Tensor]) -> Offsets:
