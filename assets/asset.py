@@ -39,6 +39,7 @@ class Report:
 
     seconds: tuple[tuple[str, float], ...]  # per stage, in order
     error: SurfaceError  # mesh to field, in the canonical pose
+    missed: SurfaceError | None  # extracted surface to mesh; None where the mesh is that surface
     welded_vertices: int
     queries: int  # points the field was asked at for the surface
     dropped_components: int

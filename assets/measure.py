@@ -1,4 +1,5 @@
-"""How far a mesh is from the zero level of a field: sampled evenly over its area, in millimetres."""
+"""How far a mesh is from the zero level of a field, and that from the mesh: sampled evenly over the area, in
+millimetres."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -8,6 +9,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from assets.field import Field, ask
 from assets.surface import Surface, face_areas, face_normals
+from avatargen.body.distance import BodyDistance
 
 DOUBTFUL = 0.001  # metres beyond which a zero found along the gradient may not be the nearest
 LOST = 0.2  # share of the field's value that may be left after the steps
@@ -27,11 +29,15 @@ class MeasureConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceError:
-    """Distance from the mesh to the zero level, millimetres."""
+    """Distance between the mesh and the zero level, millimetres."""
 
     mean_mm: float
     p99_mm: float
     max_mm: float
+
+    def facts(self) -> dict[str, float]:
+        """For reports."""
+        return {"mean": self.mean_mm, "p99": self.p99_mm, "max": self.max_mm}
 
 
 def surface_error(surface: Surface, sdf: Field, config: MeasureConfig | None = None) -> SurfaceError:
@@ -46,11 +52,26 @@ def surface_error(surface: Surface, sdf: Field, config: MeasureConfig | None = N
     config = config or MeasureConfig()
     face, barycentric = sample_surface(surface, config.samples, config.seed)
     points = points_on(surface, face, barycentric)
-    distance = 1000 * distances(points, face_normals(surface)[face], sdf, config.step)
+    return summary(distances(points, face_normals(surface)[face], sdf, config.step))
+
+
+def missed_error(mesh: Surface, finer: Surface, config: MeasureConfig | None = None) -> SurfaceError:
+    """The other way: from samples on a finer surface to the mesh.
+
+    Of what the mesh has lost, such as the tip of a finger, no sample on the mesh can tell.
+    """
+    config = config or MeasureConfig()
+    points = points_on(finer, *sample_surface(finer, config.samples, config.seed))
+    return summary(np.abs(BodyDistance(mesh.vertices, mesh.faces).query(points).distance.astype(np.float64)))
+
+
+def summary(distance: Float64[np.ndarray, " N"]) -> SurfaceError:
+    """Of distances in metres."""
+    millimetres = 1000 * distance
     return SurfaceError(
-        mean_mm=float(distance.mean()),
-        p99_mm=float(np.quantile(distance, 0.99)),
-        max_mm=float(distance.max()),
+        mean_mm=float(millimetres.mean()),
+        p99_mm=float(np.quantile(millimetres, 0.99)),
+        max_mm=float(millimetres.max()),
     )
 
 

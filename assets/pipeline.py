@@ -25,7 +25,7 @@ from assets.extract import ExtractConfig, Extraction, trace_whole
 from assets.fit import fit
 from assets.flip import flip
 from assets.joints import body_on, drop_idle_joints
-from assets.measure import SurfaceError, surface_error
+from assets.measure import SurfaceError, missed_error, surface_error
 from assets.morph import beta_sliders
 from assets.normal_map import bake_normals
 from assets.occlusion import bake_occlusion, distance_to
@@ -112,6 +112,7 @@ class Shape:
     attachment: Attachment
     skin: Skin
     error: SurfaceError
+    missed: SurfaceError | None
     rest: RestMesh
     atlas: Atlas | None
 
@@ -187,6 +188,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
             charts = beside.submit(unwrap, surface, parts, atlas_config(body, config))
         with clock("measure"):
             error = surface_error(surface, avatar.sdf)
+            missed = None if config.faces is None else missed_error(surface, cleaning.surface)
         with clock("rest"):
             rest = to_rest(surface, skin, attachment, body, avatar.betas, rotations, config.on_ground)
         if charts is not None:
@@ -200,6 +202,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
         attachment=attachment,
         skin=skin,
         error=error,
+        missed=missed,
         rest=rest,
         atlas=atlas,
     )
@@ -321,6 +324,7 @@ def make_report(shape: Shape, texture: Texture | None, config: BuildConfig, cloc
     return Report(
         seconds=tuple(clock.seconds.items()),
         error=shape.error,
+        missed=shape.missed,
         welded_vertices=len(shape.surface.vertices),
         queries=shape.extraction.queries,
         dropped_components=shape.cleaning.dropped_components,

@@ -111,6 +111,7 @@ def test_seed_to_file_with_report_and_preview(model: Model, capsys: pytest.Captu
     assert seconds["total"] >= max(seconds.values())
     assert sum(seconds.values()) - seconds["total"] <= seconds["total"] + 0.1
     assert 0 <= report["error_mm"]["mean"] <= report["error_mm"]["p99"] <= report["error_mm"]["max"] < 30
+    assert 0 <= report["missed_mm"]["mean"] <= report["missed_mm"]["p99"] <= report["missed_mm"]["max"] < 30
     assert isinstance(report["left_out"], list)
     assert report["settings"]["resolution"] == 96
     assert Path("a.png").read_bytes()[:4] == b"\x89PNG"

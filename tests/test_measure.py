@@ -3,8 +3,8 @@ import pytest
 import torch
 from shapes import icosphere, sphere
 
-from assets.measure import MeasureConfig, distances, points_on, sample_surface, surface_error
-from assets.surface import face_areas
+from assets.measure import MeasureConfig, distances, missed_error, points_on, sample_surface, surface_error
+from assets.surface import Surface, face_areas
 from avatargen.errors import FieldError
 
 
@@ -37,6 +37,17 @@ def test_samples_are_even_over_the_area_and_repeatable():
     assert barycentric.sum(axis=1) == pytest.approx(1)
     assert np.linalg.norm(points_on(ball, face, barycentric).mean(axis=0)) < 0.02
     assert np.array_equal(face, sample_surface(ball, 20_000, seed=1)[0])
+
+
+def test_what_a_mesh_has_lost_is_seen_from_the_finer_surface_alone():
+    """A ball without its second ball is exact where it is, and misses all that is farther."""
+    ball, other = icosphere(0.5, rounds=4), icosphere(0.1, rounds=3)
+    both = Surface(
+        vertices=np.concatenate([ball.vertices, other.vertices + np.array([0.8, 0, 0])]),
+        faces=np.concatenate([ball.faces, other.faces + len(ball.vertices)]),
+    )
+    assert missed_error(ball, both).max_mm == pytest.approx(1000 * (0.9 - 0.5), abs=1.0)
+    assert missed_error(both, ball).max_mm < 1e-3
 
 
 def test_nan_is_named():

@@ -13,17 +13,16 @@ from pathlib import Path
 import torch
 
 import avatargen
-from assets import Asset, BuildConfig, PlainAsset, animate, build_content, with_levels
-from assets.asset import Report
+from assets import Asset, BuildConfig, animate, build_content, with_levels
 from assets.joints import body_on
-from assets.levels import level_error
 from assets.names import rename_joints
 from assets.plan import CONTENTS, Content
 from avatargen.atomic import check_writable, write_together
-from avatargen.avatar import Avatar, AvatarSampler
+from avatargen.avatar import AvatarSampler
 from avatargen.body.pose import load_pose
-from avatargen.commands.fitting import Fit, build_fitted, describe, savings, wish_of
-from avatargen.commands.motions import finish_motions, load_motions, motion_facts, tell_of_bad_frames
+from avatargen.commands.export_report import Made, make_report
+from avatargen.commands.fitting import build_fitted, describe, wish_of
+from avatargen.commands.motions import finish_motions, load_motions, tell_of_bad_frames
 from avatargen.commands.progress import Show
 from avatargen.commands.scenes import SCENES
 from avatargen.errors import InputError
@@ -75,18 +74,6 @@ class Workshop:
     settings: BuildConfig
     generator: AvatarSampler
     motions: tuple[Motion, ...]  # of files
-
-
-@dataclass(frozen=True, kw_only=True)
-class Made:
-    """One avatar, ready to be encoded."""
-
-    asset: PlainAsset
-    report: Report
-    settings: BuildConfig
-    motions: tuple[Motion, ...]
-    avatar: Avatar
-    fit: Fit | None  # where settings were chosen
 
 
 def run(given: Namespace, path: Path, show: Show) -> str:
@@ -244,59 +231,6 @@ def with_pose(config: BuildConfig, pose: str | None, joint_names: tuple[str, ...
     if pose is None or pose.lower() in NAMED_POSES:
         return config
     return dataclasses.replace(config, pose=load_pose(pose, joint_names))
-
-
-def make_report(
-    given: Namespace,
-    written: list[Path],
-    made: Made,
-    size: int,
-    seconds: dict[str, float],
-) -> dict[str, object]:
-    """What was made, how long it took and how far the mesh is from the field, for scripts to read."""
-    asset, config = made.asset, made.settings
-    error, pose = made.report.error, config.pose
-    return {
-        "seed": given.seed,
-        "path": str(written[0]),
-        "files": [str(file) for file in written],
-        "version": asset.info.version,
-        "weights_hash": asset.info.weights_hash,
-        "licence": asset.info.licence,
-        "vertices": len(asset.vertices),
-        "faces": len(asset.faces),
-        "levels": level_facts(made),
-        "bytes": size,
-        "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
-        "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm, "max": error.max_mm},
-        "left_out": savings(made.report.left_out, config, made.avatar),
-        "fit": made.fit.facts(wish_of(given), seconds["total"]) if made.fit else None,
-        "animations": [motion_facts(motion) for motion in made.motions],
-        "settings": {
-            "scene": given.scene,
-            "resolution": config.resolution,
-            "faces": config.faces,
-            "texture": config.texture,
-            "normal_map": config.normal_map,
-            "ambient_occlusion": config.ambient_occlusion,
-            "content": config.content,
-            "texture_format": given.texture_format,
-            "compress": given.compress,
-            "pose": pose if isinstance(pose, str) else str(given.pose),
-            "body": str(given.body) if given.body else "default",
-            "weights": str(given.weights) if given.weights else "default",
-            "device": given.device,
-        },
-    }
-
-
-def level_facts(made: Made) -> list[dict[str, object]]:
-    """Faces of each coarser level, and how far it is from the field."""
-    asset, facts = made.asset, []
-    for level in asset.levels:
-        error = level_error(asset, level, made.avatar.sdf)
-        facts.append({"faces": len(level), "error_mm": {"mean": error.mean_mm, "p99": error.p99_mm}})
-    return facts
 
 
 def process_seconds() -> float:

@@ -37,13 +37,12 @@ class SeedExporter:
         except (AvatarGenError, MemoryError) as error:
             reason = str(error) or type(error).__name__
             return Row(seed=seed, error=reason, seconds=round(time.perf_counter() - started, 3))
-        error_mm = made.report.error
         return Row(
             seed=seed,
             file=path.name,
             sha256=hashlib.sha256(dict(files)[path]).hexdigest(),
             bytes=sum(len(data) for _, data in files),
             faces=len(made.asset.faces),
-            error_mm={"mean": error_mm.mean_mm, "p99": error_mm.p99_mm, "max": error_mm.max_mm},
+            error_mm=made.report.error.facts(),
             seconds=round(time.perf_counter() - started, 3),
         )
