@@ -147,3 +147,8 @@ class CornerValues:
     def at(self, corners: Int64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
         """The field at corners."""
         return self.ask(self.slots(corners))
+
+    def known(self, corners: Int64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        """The field at corners where it has been asked already, 0 elsewhere."""
+        slots = self.slots(corners)  # which may make room, and so comes first
+        return self.values[slots]

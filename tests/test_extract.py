@@ -78,7 +78,7 @@ def test_few_questions_at_full_resolution():
     result = trace(person(), PERSON_BOX, ExtractConfig())
 
     assert result.cell_size == pytest.approx(2 / 512)
-    assert result.queries < 1.4 * result.crossing_corners
+    assert result.queries < 1.2 * result.crossing_corners
     assert result.attempts == 1
     assert not find_defects(result.surface)
 
@@ -87,7 +87,7 @@ def test_a_clamped_field_is_not_searched_everywhere():
     """Two centimetres from the surface the field says nothing any more of how far it is."""
     shape = person()
     result = trace(lambda points: shape(points).clamp(-0.02, 0.02), PERSON_BOX, ExtractConfig())
-    assert result.queries < 1.5 * result.crossing_corners
+    assert result.queries < 1.4 * result.crossing_corners
 
 
 def peak_memory(resolution: int) -> int:
