@@ -9,8 +9,10 @@ from shapes import BOX, icosphere, sphere
 
 from assets.atlas import Atlas
 from assets.surface import Surface, smallest_angles
+from avatargen.avatar import load_generator
 from avatargen.commands.bench import run as bench
 from avatargen.commands.bench.cost import measured
+from avatargen.commands.bench.peer import with_libigl
 from avatargen.commands.bench.plot import front
 from avatargen.commands.bench.truth import (
     Match,
@@ -114,6 +116,12 @@ def test_settings_are_chosen_by_what_was_measured() -> None:
         within_budget(choices, 1.0)
 
 
+def test_libigls_tree_gives_the_same_distance() -> None:
+    avatar = load_generator().sample(3)
+    points = torch.from_numpy(np.random.default_rng(5).uniform(*avatar.bounds, size=(2000, 3)))
+    assert (with_libigl(avatar).sdf(points) - avatar.sdf(points)).abs().max() < 1e-5
+
+
 def test_the_command_writes_tables_a_plot_and_curves(tmp_path, monkeypatch, capsys) -> None:
     small = bench.Grid(
         resolutions=(48, 64),
@@ -135,7 +143,7 @@ def test_the_command_writes_tables_a_plot_and_curves(tmp_path, monkeypatch, caps
     assert capsys.readouterr().out.splitlines()[-1] == str(out / "bench.md")
     facts = json.loads((out / "bench.json").read_text())
     assert [len(facts[name]) for name in ("surfaces", "textures", "mapping", "rays", "comparison")] == [
-        *(4, 2, 2, 2, 3)
+        *(4, 2, 2, 2, 4)
     ]
     coarse, fine = facts["surfaces"][0], facts["surfaces"][-1]
     assert fine["mean_mm"] < coarse["mean_mm"]

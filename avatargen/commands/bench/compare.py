@@ -10,7 +10,7 @@ from assets.pipeline import BuildConfig, build_content
 from assets.surface import Surface, find_defects
 from avatargen.avatar import Avatar, AvatarSampler
 from avatargen.commands.bench.cost import Cost, measured
-from avatargen.commands.bench.peer import PeerConfig, run_peer, with_cheap_distance
+from avatargen.commands.bench.peer import PeerConfig, run_peer, with_cheap_distance, with_libigl
 from avatargen.commands.bench.sweep import default_surface
 from avatargen.commands.bench.truth import Truth, match
 from exporters.glb import encode
@@ -38,7 +38,8 @@ class Comparison:
 def compare(
     generator: AvatarSampler, truth: Truth, seed: int, ours: BuildConfig, peer: PeerConfig
 ) -> Iterator[Comparison]:
-    """Ours from the seed to the bytes of a GLB, then the peers' recipe, exact and cheap."""
+    """Ours from the seed to the bytes of a GLB, then the peers' recipe: with a library's tree for the body's
+    distance, with our own, and cheap."""
     with measured() as cost:
         asset = build_content(generator.sample(seed), ours)
         encode(asset)
@@ -46,14 +47,16 @@ def compare(
     avatar = generator.sample(seed)
     surface = default_surface(avatar, ours.resolution, ours.faces or 0)
     yield row("avatargen", avatar, truth, surface, cost, dict(asset.report.seconds))
-    with measured() as cost:
-        result = run_peer(generator.sample(seed), peer)
-    yield row(f"dense {peer.resolution}³", avatar, truth, result.surface, cost, result.seconds)
-    cheap = with_cheap_distance(avatar)
-    with measured() as cost:
-        result = run_peer(cheap, peer)
-    name = f"dense {peer.resolution}³, cheap distance"
-    yield row(name, avatar, truth, result.surface, cost, result.seconds)
+    name = f"dense {peer.resolution}³"
+    people = {
+        name: with_libigl(avatar),
+        f"{name}, our distance": avatar,
+        f"{name}, cheap distance": with_cheap_distance(avatar),
+    }
+    for recipe, person in people.items():
+        with measured() as cost:
+            result = run_peer(person, peer)
+        yield row(recipe, avatar, truth, result.surface, cost, result.seconds)
 
 
 def row(
