@@ -13,7 +13,7 @@ from avatargen.errors import InputError
 
 FEWEST_FACES = 4  # a tetrahedron
 # of fast-simplification, in the order tried: the lower, the more exact and the less it tears
-AGGRESSION = (2.5, 3.0, 4.0, 5.0)
+AGGRESSION = (2, 3, 4, 5)
 KEPT_VOLUME = 0.98  # share that a repair must leave: it shall not cut off a limb
 PASSES = 4  # of one aggression: a low one stops short of the target, and goes on when asked again
 
@@ -76,7 +76,7 @@ def with_repair(surface: Surface) -> Iterator[Surface]:
         yield repaired
 
 
-def collapse_fast(surface: Surface, target_faces: int, aggression: float) -> Surface:
+def collapse_fast(surface: Surface, target_faces: int, aggression: int) -> Surface:
     """fast-simplification: quick, does not watch the topology."""
     import fast_simplification
 
