@@ -20,7 +20,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from assets.field import Field, ask
-from assets.surface import Surface, corner_angles, directed_edges, edge_lengths, face_normals
+from assets.surface import Surface, directed_edges, edge_lengths, face_normals, smallest_angles
 
 PATTERN = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6  # barycentric coordinates on every face
 INDICES = np.arange(3, dtype=np.int32)  # 32 bits hold a hundred million faces, in half the memory
@@ -169,7 +169,5 @@ def spoilt_faces(before: Surface, after: Surface, config: FitConfig) -> Bool[np.
     old, new = face_normals(before), face_normals(after)
     lengths = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
     turned = np.einsum("fd,fd->f", old, new) <= config.largest_turn * lengths
-    was, angle = (
-        np.degrees(corner_angles(surface.vertices[surface.faces]).min(axis=1)) for surface in (before, after)
-    )
+    was, angle = smallest_angles(before), smallest_angles(after)
     return turned | ((angle < config.thin) & (angle < was))

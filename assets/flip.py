@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from assets.field import Field, ask
 from assets.mend import following
-from assets.surface import Surface, corner_angles, opposite_edges
+from assets.surface import Surface, opposite_edges, smallest_angle_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,4 +134,4 @@ def double_areas(points: np.ndarray, *corners: np.ndarray) -> Float64[np.ndarray
 
 def smallest(points: np.ndarray, *corners: np.ndarray) -> Float64[np.ndarray, " N"]:
     """The smallest angle of triangles, degrees."""
-    return np.degrees(corner_angles(points[np.stack(corners, axis=1)]).min(axis=1))
+    return smallest_angle_of(points[np.stack(corners, axis=1)])

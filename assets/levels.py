@@ -23,7 +23,7 @@ from assets.collapse import apart, changed_corners, links_hold, replaced, standi
 from assets.errors import GeometryError
 from assets.field import Field
 from assets.measure import MeasureConfig, SurfaceError, surface_error
-from assets.surface import compact, corner_angles, directed_edges, opposite_edges
+from assets.surface import compact, directed_edges, opposite_edges, smallest_angle_of
 from avatargen.errors import InputError
 
 AnyAsset = TypeVar("AnyAsset", bound=PlainAsset)
@@ -201,7 +201,7 @@ def permitted(
     was, normal = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (before, after))
     size = np.linalg.norm(was, axis=1) * np.linalg.norm(normal, axis=1)
     bad = np.einsum("kd,kd->k", was, normal) <= LARGEST_TURN * size
-    narrow, narrower = (np.degrees(corner_angles(p).min(axis=1)) for p in (before, after))
+    narrow, narrower = (smallest_angle_of(p) for p in (before, after))
     bad |= (narrower < THINNEST) & (narrower < narrow)
     if mesh.uv is not None:
         stays = np.where(becomes < 0, mesh.split.reshape(-1)[corner], becomes)

@@ -14,9 +14,9 @@ from assets.collapse import apart, changed_corners, links_hold, replaced, standi
 from assets.surface import (
     Surface,
     compact,
-    corner_angles,
     directed_edges,
     face_normals,
+    smallest_angle_of,
     smallest_angles,
     vertex_normals,
 )
@@ -74,7 +74,7 @@ def judge(
     was, normal = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (old, new))
     size = np.linalg.norm(was, axis=1), np.linalg.norm(normal, axis=1)
     cosine = np.einsum("kd,kd->k", was, normal) / np.maximum(size[0] * size[1], 1e-300)
-    angle = np.degrees(corner_angles(new).min(axis=1))
+    angle = smallest_angle_of(new)
     unit = normal / np.maximum(size[1], 1e-300)[:, None]
     gone = (surface.vertices[edges[:, 0]] - surface.vertices[edges[:, 1]])[candidate]
     rise = np.zeros(len(edges))

@@ -202,11 +202,28 @@ def compact(vertices: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"
 
 def smallest_angles(surface: Surface) -> Float64[np.ndarray, " F"]:
     """The smallest angle of each face, degrees."""
-    return np.degrees(corner_angles(surface.vertices[surface.faces]).min(axis=1))
+    return smallest_angle_of(surface.vertices[surface.faces])
+
+
+def smallest_angle_of(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, " F"]:
+    """The smallest angle of triangles, degrees: where the product of the sides is largest."""
+    double_area, products = products_of_sides(corners)
+    return np.degrees(np.arctan2(double_area, products.max(axis=0)))
 
 
 def corner_angles(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 3"]:
     """The angle at each corner of triangles, radians."""
-    forward, backward = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    sine = np.linalg.norm(np.cross(forward, backward), axis=2)
-    return np.arctan2(sine, (forward * backward).sum(axis=2))
+    double_area, products = products_of_sides(corners)
+    return np.arctan2(double_area, products).T
+
+
+def products_of_sides(
+    corners: Float64[np.ndarray, "F 3 3"],
+) -> tuple[Float64[np.ndarray, " F"], Float64[np.ndarray, "3 F"]]:
+    """Of the two sides at a corner the cross product's length, the same at all three, and the dot product at
+    each. Coordinates come first, so that the sums run through memory."""
+    points = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    (ux, uy, uz), (vx, vy, vz), _ = sides = points[[1, 2, 0]] - points
+    double_area = np.sqrt((uy * vz - uz * vy) ** 2 + (uz * vx - ux * vz) ** 2 + (ux * vy - uy * vx) ** 2)
+    products = np.stack([(sides[i] * -sides[i - 1]).sum(axis=0) for i in range(3)])
+    return double_area, products + 0.0  # no negative zero, whose angle to nothing is 180 degrees
