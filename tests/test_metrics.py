@@ -175,6 +175,9 @@ def test_a_generator_is_measured(tmp_path: Path):
     assert report.floors["frechet distance"].value < 0.01 * report.numbers["frechet distance"].value
     assert report.floors["pose (% of the picture)"].value < report.numbers["pose (% of the picture)"].value
     assert report.table().count("\n") == 3 and report.seconds["total"] > 0
+    strange = replace(pictures, labels=replace(pictures.labels, body="f" * 64))
+    with pytest.raises(InputError, match="another body"):
+        evaluate(state.average, CanonicalSurface(BODY), strange, pictures, features, EvalConfig())
 
 
 def test_clothes_are_measured_against_the_bare_body(tmp_path: Path):

@@ -142,6 +142,17 @@ def test_a_loss_that_is_no_number_stops_the_run(config: GeneratorConfig, stream:
         step_once(state, stream.batch(0, 4), TINY)
 
 
+def test_a_damaged_state_is_named_and_left_alone(
+    tmp_path: Path, pool_file: Path, config: GeneratorConfig, body: CanonicalBody
+):
+    run(tmp_path, pool_file, config, replace(TINY, steps=4), body)
+    for damage in (b"damaged", b"", (tmp_path / "state.pt").read_bytes()[:1000]):
+        (tmp_path / "state.pt").write_bytes(damage)
+        with pytest.raises(TrainingError, match="cannot be continued"):
+            run(tmp_path, pool_file, config, replace(TINY, steps=8), body)
+        assert (tmp_path / "state.pt").read_bytes() == damage
+
+
 def test_a_run_of_other_networks_is_not_continued(
     tmp_path: Path, pool_file: Path, config: GeneratorConfig, body: CanonicalBody
 ):

@@ -106,7 +106,13 @@ def evaluate(
 
     `reference` are other real pictures: the floors compare them with the held-out ones, and the joint
     estimator is fitted on them where none is given. `features` come with the name of their distance.
+
+    Raises:
+        InputError: labels that are of another body than the generator's.
     """
+    for pictures in (data, reference):
+        if pictures.labels.body not in ("", generator.config.body_hash):
+            raise InputError(f"eval: the labels in {pictures.folder} are of another body than the weights")
     started = time.perf_counter()
     count = min(config.pictures, len(data))
     chosen = torch.randperm(len(data), generator=torch.Generator().manual_seed(config.seed))[:count]

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 
 import numpy as np
@@ -278,7 +279,7 @@ def restore(state: State, path: Path) -> None:
         state.average.load_state_dict(content["average"])
         state.optimizer.load_state_dict(content["optimizer"])
         state.step = int(content["step"])
-    except (RuntimeError, KeyError, ValueError, EOFError, OSError) as error:
+    except (RuntimeError, KeyError, ValueError, EOFError, OSError, UnpicklingError) as error:
         raise TrainingError(
             f"warm start: {path} cannot be continued ({error}); name another folder"
         ) from error
