@@ -40,7 +40,7 @@ class OptimizerConfig:
 
     generator_rate: float = 2.5e-3
     discriminator_rate: float = 2e-3
-    density_share: float = 0.01  # of the generator's rate, for the sharpness, which is small and in metres
+    density_share: float = 0.01  # of the generator's rate, for the sharpness, which is in metres; 0 holds it
     beta1: float = 0.0
     beta2: float = 0.99
     half_life: int = 10_000  # of the averaged weights
@@ -113,8 +113,13 @@ PRESETS = {
     ),
     "cpu": AdversarialConfig(
         deformation=DeformationConfig(width=32, depth=2, frequencies=4),
-        render=replace(SHIPPED.render, shell=NARROW, samples=12),
-        optimizer=OptimizerConfig(generator_rate=5e-4, discriminator_rate=1e-3, half_life=1_000),
+        render=replace(SHIPPED.render, shell=NARROW, samples=12, initial_alpha=0.003),
+        # left to itself the surface turns to haze as soon as the discriminator sees details
+        losses=LossConfig(eikonal=0.5, minimal_surface=0.05, smpl=2.0),
+        optimizer=OptimizerConfig(
+            generator_rate=5e-4, discriminator_rate=1e-3, density_share=0.0, half_life=1_000
+        ),
+        variety=VarietyConfig(blur_fade=20_000),
     ),
     "gpu": AdversarialConfig(
         networks="gpu",
