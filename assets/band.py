@@ -50,7 +50,7 @@ class Band:
     cells: Int64[np.ndarray, "C 3"]
     size: int
     queries: int  # beside those at corners of the grid
-    missed: int  # audited points of skipped cells on the other side of the surface than their cell's centre
+    missed: int  # audited points of skipped cells across the surface from the centre that ruled them out
 
 
 def find_band(values: CornerValues, config: ExtractConfig, widening: float) -> Band:
@@ -152,7 +152,7 @@ def audit(
     value: Float64[np.ndarray, " C"],
     rng: np.random.Generator,
 ) -> int:
-    """How many of these skipped cells hold a random point across the surface from their centre, where the
-    field is `value`."""
+    """How many of these skipped cells hold a random point across the surface from the centre that ruled them
+    out, where the field is `value`."""
     inner = cells + (high - cells) * rng.random(cells.shape)
     return int(((ask(values.sdf, values.grid.points(inner)) < 0) != (value < 0)).sum())

@@ -42,6 +42,10 @@ class Labels:
     def __len__(self) -> int:
         return len(self.names)
 
+    def may_be_of(self, body_hash: str) -> bool:
+        """Whether they are of this canonical body, or do not say."""
+        return self.body in ("", body_hash)
+
     def rows(self) -> Float32[np.ndarray, "N k"]:
         """One vector a picture, in the layout of the file."""
         return np.concatenate([self.camera, self.pose.reshape(len(self), -1), self.betas], axis=1)

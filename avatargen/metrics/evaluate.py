@@ -111,7 +111,7 @@ def evaluate(
         InputError: labels that are of another body than the generator's.
     """
     for pictures in (data, reference):
-        if pictures.labels.body not in ("", generator.config.body_hash):
+        if not pictures.labels.may_be_of(generator.config.body_hash):
             raise InputError(f"eval: the labels in {pictures.folder} are of another body than the weights")
     started = time.perf_counter()
     count = min(config.pictures, len(data))

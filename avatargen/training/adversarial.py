@@ -146,7 +146,7 @@ def train(
         labels or the weights to start from are of another body.
     """
     networks = generator_config(config, body, start)
-    if pictures.labels.body not in ("", networks.body_hash):
+    if not pictures.labels.may_be_of(networks.body_hash):
         raise TrainingError(
             f"train: the labels in {pictures.folder} are of another body; name it with --body"
         )
