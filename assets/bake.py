@@ -1,4 +1,5 @@
-"""The base colour texture: ask the field for the colour at each texel's place on the surface.
+"""The base colour texture: ask the field for the colour at each texel's place on the surface, but where
+`assets.calm` finds that its neighbours tell it.
 
 Beyond the charts' edges the faces go on flat for as far as bilinear filtering reaches; the rest takes the
 nearest texel's colour, so that neither filtering nor smaller copies of the texture bring in anything else.
@@ -10,10 +11,11 @@ and row 0 at the top left, as in glTF.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int64, UInt8
+from jaxtyping import Bool, Float64, Int64, UInt8
 from scipy.ndimage import distance_transform_edt
 
 from assets.atlas import Atlas
+from assets.calm import AskTexels, ask_coarse_to_fine
 from assets.field import Field, ask
 from assets.raster import coordinates, rasterise
 from assets.surface import Surface
@@ -59,9 +61,11 @@ class Texels:
     nearest: Int64[np.ndarray, " M"]  # for each of these the nearest texel under a face
     coverage: float  # share of texels under a face
 
-    def chunks(self) -> list[Int64[np.ndarray, " K"]]:
-        """The texels to ask for, in pieces of bounded size."""
-        return np.array_split(self.asked, len(self.asked) // MOST_TEXELS + 1)
+    def wanted(self) -> Bool[np.ndarray, "S S"]:
+        """Whether filtering on a face can read a texel."""
+        wanted = np.zeros(self.size * self.size, dtype=bool)
+        wanted[self.asked] = True
+        return wanted.reshape(self.size, self.size)
 
     def barycentric(
         self, texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"] | float = 0.0
@@ -79,10 +83,11 @@ class Texels:
         corners = surface.vertices[surface.faces[self.face[texel]]]
         return np.einsum("kc,kcd->kd", self.barycentric(texel, offset), corners)
 
-    def spread(self, values: UInt8[np.ndarray, "T C"]) -> UInt8[np.ndarray, "S S C"]:
+    def spread(self, texels: UInt8[np.ndarray, "S S C"]) -> UInt8[np.ndarray, "S S C"]:
         """The texture, with the nearest texel's value beyond those asked for."""
+        values = texels.reshape(self.size * self.size, -1)
         values[self.beyond] = values[self.nearest]
-        return values.reshape(self.size, self.size, -1)
+        return texels
 
 
 def bake(
@@ -99,13 +104,25 @@ def bake(
 def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfig) -> Texture:
     """`bake` with the texture's coverage. Raises the same errors."""
     laid = lay_texels(atlas, config.texture_size)
-    texels = np.zeros((config.texture_size**2, 3), dtype=np.uint8)
-    for chunk in laid.chunks():
-        colors = np.zeros((len(chunk), 3))
+
+    def paint(texel: Int64[np.ndarray, " K"]) -> UInt8[np.ndarray, "K 3"]:
+        light = np.zeros((len(texel), 3))
         for offset in sample_offsets(config.samples):
-            colors += to_linear(np.clip(ask(color, laid.points(surface, chunk, offset), 3), 0, 1))
-        texels[chunk] = np.rint(255 * to_srgb(colors / config.samples**2))
+            light += to_linear(np.clip(ask(color, laid.points(surface, texel, offset), 3), 0, 1))
+        return np.rint(255 * to_srgb(light / config.samples**2)).astype(np.uint8)
+
+    texels = ask_coarse_to_fine(in_chunks(paint), laid.wanted(), 3)
     return Texture(texels=laid.spread(texels), coverage=laid.coverage)
+
+
+def in_chunks(ask_texels: AskTexels) -> AskTexels:
+    """The same, asked in pieces of bounded size."""
+
+    def ask_all(texel: Int64[np.ndarray, " K"]) -> UInt8[np.ndarray, "K C"]:
+        pieces = np.array_split(texel, len(texel) // MOST_TEXELS + 1)
+        return np.concatenate([ask_texels(piece) for piece in pieces])
+
+    return ask_all
 
 
 def to_linear(srgb: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:

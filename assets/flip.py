@@ -19,7 +19,7 @@ from assets.surface import Surface, opposite_edges, smallest_angle_of
 class FlipConfig:
     """Up to two questions to the field an edge and round."""
 
-    rounds: int = 2
+    rounds: int = 1
     worth: float = 5e-5  # metres by which the diagonals must differ to be looked at
     better: float = 0.9  # of the old distance to the zero level, that the new one may be at most
     thin: float = 8.0  # degrees under which an angle is widened wherever that is harmless

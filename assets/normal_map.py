@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64, UInt8
 
 from assets.atlas import Atlas
-from assets.bake import BakeConfig, lay_texels
+from assets.bake import BakeConfig, in_chunks, lay_texels
+from assets.calm import ask_coarse_to_fine
 from assets.errors import GeometryError
 from assets.field import Field, ask
 from assets.rest import RestMesh
@@ -57,15 +58,17 @@ def bake_normals(
     split = Surface(vertices=rest.vertices[atlas.vertex_map], faces=atlas.faces)
     tangents = find_tangents(split, rest.normals[atlas.vertex_map], atlas.uv.astype(np.float64))
     laid = lay_texels(atlas, config.texture_size)
-    texels = np.zeros((config.texture_size**2, 3), dtype=np.uint8)
-    for chunk in laid.chunks():
-        face, share = laid.face[chunk], laid.barycentric(chunk)
+
+    def draw(texel: Int64[np.ndarray, " N"]) -> UInt8[np.ndarray, "N 3"]:
+        face, share = laid.face[texel], laid.barycentric(texel)
         corners = surface.faces[face]
         places = np.einsum("nc,ncd->nd", share, surface.vertices[corners])
         facing = to_rest(surface, stretched, face, rise(sdf, places))
         normal = np.einsum("nc,ncd->nd", share, rest.normals[corners])
         tangent = np.einsum("nc,ncd->nd", share, tangents[atlas.faces[face]].astype(np.float64))
-        texels[chunk] = np.rint(127.5 * (in_frame(facing, normal, tangent) + 1))
+        return np.rint(127.5 * (in_frame(facing, normal, tangent) + 1)).astype(np.uint8)
+
+    texels = ask_coarse_to_fine(in_chunks(draw), laid.wanted(), 3)
     return NormalMap(texels=laid.spread(texels), tangents=tangents)
 
 

@@ -13,10 +13,11 @@ them. Letters: V vertices, F faces, S texels along a side, N texels.
 
 import numpy as np
 import torch
-from jaxtyping import Float64, UInt8
+from jaxtyping import Float64, Int64, UInt8
 
 from assets.atlas import Atlas
-from assets.bake import BakeConfig, lay_texels
+from assets.bake import BakeConfig, in_chunks, lay_texels
+from assets.calm import ask_coarse_to_fine
 from assets.field import Field, ask
 from assets.normal_map import unit
 from assets.surface import Surface, vertex_normals
@@ -49,12 +50,14 @@ def bake_occlusion(
     config = config or BakeConfig()
     laid = lay_texels(atlas, config.texture_size)
     normals = vertex_normals(surface)
-    texels = np.zeros((config.texture_size**2, 1), dtype=np.uint8)
-    for chunk in laid.chunks():
-        corners, share = surface.faces[laid.face[chunk]], laid.barycentric(chunk)
+
+    def shade(texel: Int64[np.ndarray, " N"]) -> UInt8[np.ndarray, "N 1"]:
+        corners, share = surface.faces[laid.face[texel]], laid.barycentric(texel)
         places = np.einsum("nc,ncd->nd", share, surface.vertices[corners])
         facing = unit(np.einsum("nc,ncd->nd", share, normals[corners]))
-        texels[chunk, 0] = np.rint(255 * openness(sdf, places, facing))
+        return np.rint(255 * openness(sdf, places, facing)).astype(np.uint8)[:, None]
+
+    texels = ask_coarse_to_fine(in_chunks(shade), laid.wanted(), 1)
     return laid.spread(texels)[..., 0]
 
 
