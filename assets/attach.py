@@ -19,7 +19,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from assets.surface import Surface, directed_edges, edge_lengths, vertex_normals
-from avatargen.body.distance import BodyDistance
 from avatargen.body.model import CanonicalBody
 
 
@@ -56,7 +55,7 @@ class Attachment:
 def attach(surface: Surface, body: CanonicalBody, config: AttachConfig | None = None) -> Attachment:
     """Find each vertex's closest point on the canonical body and whether to trust it."""
     config = config or AttachConfig()
-    hit = BodyDistance(body.vertices, body.faces).query(surface.vertices)
+    hit = body.distance.query(surface.vertices)
     corners = body.faces[hit.face]
     barycentric = hit.barycentric.astype(np.float64)
     body_normals = vertex_normals(Surface(vertices=body.vertices.astype(np.float64), faces=body.faces))

@@ -69,7 +69,7 @@ def find_calm(
     )
     contrast = (judged.max(axis=0) - judged.min(axis=0)).max(axis=2)
     busy = whole & (contrast > CONTRAST)
-    return np.argwhere(whole & ~maximum_filter(busy, size=3)) * size
+    return np.argwhere(whole & (maximum_filter(busy, size=3) == 0)) * size
 
 
 def blocks_of(texels: Bool[np.ndarray, "S S"], size: int, count: int) -> Bool[np.ndarray, "B B n n"]:

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float64, Int64
 
 from assets.field import Field, ask
 from assets.surface import Surface, face_areas, face_normals
-from avatargen.body.distance import BodyDistance
 
 DOUBTFUL = 0.001  # metres beyond which a zero found along the gradient may not be the nearest
 LOST = 0.2  # share of the field's value that may be left after the steps
@@ -60,9 +59,12 @@ def missed_error(mesh: Surface, finer: Surface, config: MeasureConfig | None = N
 
     Of what the mesh has lost, such as the tip of a finger, no sample on the mesh can tell.
     """
+    from avatargen.body.closest import ClosestPoints
+
     config = config or MeasureConfig()
     points = points_on(finer, *sample_surface(finer, config.samples, config.seed))
-    return summary(np.abs(BodyDistance(mesh.vertices, mesh.faces).query(points).distance.astype(np.float64)))
+    squared, _, _ = ClosestPoints(mesh.vertices, mesh.faces).query(points)
+    return summary(np.sqrt(squared))
 
 
 def summary(distance: Float64[np.ndarray, " N"]) -> SurfaceError:

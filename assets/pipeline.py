@@ -1,7 +1,7 @@
 """From an avatar's fields to an asset: the stages in order, timed.
 
-extract -> clean -> simplify -> skin -> measure, rest -> bake
-                                  `---> atlas (its own process) ---'      `---> normals, occlusion on request
+extract -> clean -> simplify -> skin -> fit, measure, rest -> bake -> normals, occlusion on request
+                                    `-> atlas, in its own process -'
 
 Which of them run is planned first (`assets.plan`): a mesh alone has no atlas and no colours.
 """
@@ -22,26 +22,23 @@ from assets.bones import Bones, add_ends, aim_bones
 from assets.clean import Cleaning, tidy
 from assets.clock import Clock, Progress
 from assets.extract import ExtractConfig, Extraction, trace_whole
-from assets.fit import fit
-from assets.flip import flip
 from assets.joints import body_on, drop_idle_joints
 from assets.measure import SurfaceError, missed_error, surface_error
 from assets.morph import beta_sliders
 from assets.normal_map import bake_normals
 from assets.occlusion import bake_occlusion, distance_to
 from assets.plan import Content, Joints, LeftOut, Plan, make_plan
+from assets.reduce import reduce, settle
 from assets.rest import RestMesh, to_rest
 from assets.rig import Morph, Skeleton
-from assets.simplify import SimplifyConfig, simplify
+from assets.simplify import SimplifyConfig
 from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
-from assets.slivers import remove_slivers
-from assets.surface import Surface, find_defects
+from assets.surface import Surface
 from avatargen.body.fingers import hand_of_joint
 from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 
-FIT_ROUNDS = 2  # of turning edges and placing vertices; the second takes 4 % off the error
 DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at faces
 
 
@@ -176,7 +173,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
     surface = cleaning.surface
     if config.faces is not None:
         with clock("simplify"):
-            surface = simplify_fitted(surface, avatar, config.faces)
+            surface = reduce(surface, avatar.sdf, config.faces)
     with clock("skin"):
         attachment = attach(surface, body)
         skin = skin_attached(attachment, body, SkinConfig())
@@ -186,6 +183,9 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
         if "atlas" in clock.plan.stages:
             parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
             charts = beside.submit(unwrap, surface, parts, atlas_config(body, config))
+        if config.faces is not None:
+            with clock("fit"):
+                surface = settle(surface, avatar.sdf)
         with clock("measure"):
             error = surface_error(surface, avatar.sdf)
             missed = None if config.faces is None else missed_error(surface, cleaning.surface)
@@ -277,16 +277,6 @@ def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Floa
             f"pose: rotations have shape {pose.shape}; finite [{len(body.parents)}, 3] are needed"
         )
     return pose
-
-
-def simplify_fitted(dense: Surface, avatar: AvatarFields, faces: int) -> Surface:
-    """The surface at the faces asked for, without slivers and laid on the field, creases included, where that
-    leaves it sound."""
-    simple = simplify(dense, SimplifyConfig(target_faces=faces))
-    fitted = remove_slivers(simple)
-    for _ in range(FIT_ROUNDS):
-        fitted = fit(flip(fitted, avatar.sdf), avatar.sdf)
-    return simple if find_defects(fitted) else fitted
 
 
 def atlas_config(body: CanonicalBody, config: BuildConfig) -> AtlasConfig:

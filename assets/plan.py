@@ -18,7 +18,8 @@ STAGES = {
     "extract": 0.4,
     "clean": 0.08,
     "simplify": 0.15,
-    "skin": 0.05,
+    "skin": 0.02,
+    "fit": 0.04,
     "measure": 0.1,
     "rest": 0.02,
     "atlas": 0.05,
@@ -77,7 +78,7 @@ def make_plan(
             LeftOut(
                 what="simplification",
                 why="every face of the extracted surface is wanted",
-                stages=("simplify",),
+                stages=("simplify", "fit"),
             )
         )
     if content == "mesh":

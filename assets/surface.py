@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from assets.errors import GeometryError
 
@@ -79,15 +77,27 @@ def require_sound(surface: Surface, stage: str) -> Surface:
 
 def count_thin_faces(surface: Surface) -> int:
     """Faces whose area is nothing beside the square of their longest edge."""
-    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
+    a, b, c = corners_of(surface)
     u, v = b - a, c - a
     longest = np.maximum(np.maximum(squares(u), squares(v)), squares(v - u))
-    return int((0.5 * np.sqrt(squares(np.cross(u, v))) <= THIN * longest).sum())
+    return int((0.5 * np.sqrt(squares(cross(u, v))) <= THIN * longest).sum())
 
 
-def squares(vectors: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+def corners_of(surface: Surface) -> tuple[Float64[np.ndarray, "3 F"], ...]:
+    """The three corners of each face. Coordinates come first, so that what follows runs through memory."""
+    points, corners = np.ascontiguousarray(surface.vertices.T), np.ascontiguousarray(surface.faces.T)
+    a, b, c = (points.take(corner, axis=1) for corner in corners)
+    return a, b, c
+
+
+def cross(u: Float64[np.ndarray, "3 N"], v: Float64[np.ndarray, "3 N"]) -> Float64[np.ndarray, "3 N"]:
+    """Cross products."""
+    return np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
+
+
+def squares(vectors: Float64[np.ndarray, "3 N"]) -> Float64[np.ndarray, " N"]:
     """Squared lengths."""
-    return np.einsum("nd,nd->n", vectors, vectors)
+    return (vectors * vectors).sum(axis=0)
 
 
 def directed_edges(faces: Int64[np.ndarray, "F 3"]) -> Int64[np.ndarray, "E 2"]:
@@ -103,64 +113,43 @@ def edge_lengths(surface: Surface, edges: Int64[np.ndarray, "E 2"]) -> Float64[n
 def opposite_edges(faces: Int64[np.ndarray, "F 3"], vertex_count: int) -> Int64[np.ndarray, " E"]:
     """For each directed edge the index of its one opposite, or -1 where it has none or several, or is itself
     repeated."""
-    start, end = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
-    name = np.minimum(start, end) * vertex_count + np.maximum(start, end)
-    order = np.argsort(name, kind="stable")
-    ordered = name[order]
-    first = np.flatnonzero(np.diff(ordered, prepend=-1))  # of each undirected edge
-    pair = first[np.diff(first, append=len(ordered)) == 2]
-    a, b = order[pair], order[pair + 1]
-    opposed = start[a] == end[b]
-    a, b = a[opposed], b[opposed]
-    twin = np.full(len(start), -1, dtype=np.int64)
-    twin[a], twin[b] = b, a
-    return twin
+    from assets.connectivity import match_edges
+
+    return match_edges(np.ascontiguousarray(faces), vertex_count)
 
 
 def count_split_vertices(surface: Surface, twin: Int64[np.ndarray, " E"]) -> int:
-    """Vertices that are not the centre of exactly one closed fan of faces."""
-    start = surface.faces.reshape(-1)
-    degree = np.bincount(start, minlength=len(surface.vertices))
-    first = np.zeros(len(degree), dtype=np.int64)
-    first[start] = np.arange(len(start))
-    visited = np.zeros(len(degree), dtype=np.int64)
-    walking = np.flatnonzero(degree)
-    edge = first[walking]
-    while len(walking):  # all vertices step to the next face of their fan together
-        visited[walking] += 1
-        edge = twin[edge + np.where(edge % 3 == 0, 2, -1)]
-        going = (edge >= 0) & (edge != first[walking]) & (visited[walking] < degree[walking])
-        walking, edge = walking[going], edge[going]
-    return int(((visited != degree) | (degree == 0)).sum())
+    """Vertices without faces or with faces in several fans."""
+    from assets.connectivity import count_split
+
+    return count_split(np.ascontiguousarray(surface.faces), twin, len(surface.vertices))
 
 
 def label_components(surface: Surface) -> tuple[int, Int64[np.ndarray, " V"]]:
     """Number of connected components and the component of each vertex."""
-    count = len(surface.vertices)
-    rows = surface.faces.reshape(-1)
-    columns = surface.faces[:, [1, 2, 0]].reshape(-1)
-    graph = coo_array((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(count, count))
-    components, label = connected_components(graph, directed=False)
-    return int(components), label.astype(np.int64)
+    from assets.connectivity import label
+
+    return label(np.ascontiguousarray(surface.faces), len(surface.vertices))
 
 
 def face_normals(surface: Surface) -> Float64[np.ndarray, "F 3"]:
     """Outward normals, as long as twice the face's area."""
-    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
-    return np.cross(b - a, c - a)
+    a, b, c = corners_of(surface)
+    return np.ascontiguousarray(cross(b - a, c - a).T)
 
 
 def face_areas(surface: Surface) -> Float64[np.ndarray, " F"]:
     """Square metres."""
-    return 0.5 * np.linalg.norm(face_normals(surface), axis=1)
+    a, b, c = corners_of(surface)
+    return 0.5 * np.sqrt(squares(cross(b - a, c - a)))
 
 
 def volume_parts(surface: Surface) -> Float64[np.ndarray, " F"]:
     """Signed volume of the tetrahedron of each face and the vertices' centre; they sum to the enclosed
     volume."""
-    centred = surface.vertices - surface.vertices.mean(axis=0) if len(surface.vertices) else surface.vertices
-    a, b, c = (centred[surface.faces[:, corner]] for corner in range(3))
-    return np.einsum("fi,fi->f", a, np.cross(b, c)) / 6
+    middle = surface.vertices.mean(axis=0) if len(surface.vertices) else np.zeros(3)
+    a, b, c = (corner - middle[:, None] for corner in corners_of(surface))
+    return (a * cross(b, c)).sum(axis=0) / 6
 
 
 def volume(surface: Surface) -> float:
@@ -170,7 +159,7 @@ def volume(surface: Surface) -> float:
 
 def extent(surface: Surface) -> float:
     """Length of the diagonal of the box around the vertices, metres."""
-    return float(np.linalg.norm(np.ptp(surface.vertices, axis=0))) if len(surface.vertices) else 0.0
+    return float(np.linalg.norm(np.ptp(surface.vertices.T.copy(), axis=1))) if len(surface.vertices) else 0.0
 
 
 def vertex_normals(surface: Surface) -> Float64[np.ndarray, "V 3"]:

@@ -220,7 +220,6 @@ def load_generator(
     require_exportable(config)
     source = body if isinstance(body, Body) else load_body(body or shipped("body.npz"))
     canonical = canonical_body(source)
-    distance = BodyDistance(canonical.vertices, canonical.faces)
     own_body = body_hash(canonical) == config.body_hash
     offset = torch.zeros(3)
     if not own_body:
@@ -230,7 +229,7 @@ def load_generator(
     return AvatarSampler(
         generator=generator.to(device).requires_grad_(False),
         body=canonical,
-        distance=distance,
+        distance=canonical.distance,
         offset=offset.to(device),
         bounds=box_around(canonical, config.planes, offset.numpy()),
         own_body=own_body,
@@ -282,7 +281,7 @@ def carry_vertex_features(
     decoder = generator.decoder
     if not decoder.config.vertex_features:
         return
-    hit = BodyDistance(trained.vertices, trained.faces).query(other.vertices + offset)
+    hit = trained.distance.query(other.vertices + offset)
     near = body_points(hit, torch.from_numpy(trained.faces))
     features = interpolate(decoder.vertex_features, near)[0]
     decoder.vertex_features = nn.Parameter(features.detach())

@@ -116,7 +116,7 @@ def test_a_statue_is_a_closed_mesh_and_nothing_else(tmp_path) -> None:
     assert isinstance(mesh, trimesh.Trimesh)
     assert mesh.is_volume
     assert len(mesh.faces) == report["faces"]
-    assert not {"atlas", "bake", "simplify"} & set(report["seconds"])
+    assert not {"atlas", "bake", "simplify", "fit"} & set(report["seconds"])
     saved = {item["what"]: item for item in report["left_out"]}
     assert saved["colours"]["seconds_saved"] == pytest.approx(0.8)
     assert saved["colours"]["bytes_saved"] == 4000

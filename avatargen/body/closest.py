@@ -8,16 +8,14 @@ counts, whatever came before, so the answer does not depend on the order of the 
 Letters: F faces, L leaves, K faces of a leaf, M boxes of the tree, N points. Metres.
 """
 
-import inspect
 import itertools
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from numba import njit
+
+from avatargen.compiled import compiled
 
 LEAF = 16  # faces in a leaf: fewer than this are not worth vector instructions
 SLACK = 1 + 1e-12  # on a squared distance, so that rounding hides no face that is just as near
@@ -106,15 +104,6 @@ def face_rows(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 1
     ]
     columns = [a, u, v, (vv * u - uv * v) * scale, (uu * v - uv * u) * scale, *inverse, flat]
     return np.ascontiguousarray(np.concatenate(columns, axis=1))
-
-
-def compiled(function: Callable, **options: Any) -> Callable:
-    """The function in machine code, kept on disk for the next process where there is a place for it."""
-    function = inspect.unwrap(function)  # under test, checks are wrapped around it
-    try:
-        return njit(cache=True, nogil=True, **options)(function)
-    except RuntimeError:  # neither this folder nor the user's can be written
-        return njit(nogil=True, **options)(function)
 
 
 def on_edge(x, y, z, ex, ey, ez, inverse):

@@ -10,10 +10,12 @@ posed <- rest.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64
 
+from avatargen.body.distance import BodyDistance
 from avatargen.body.pose import axis_angle_to_matrix, named_pose
 from avatargen.body.skinning import skin
 from avatargen.errors import InputError
@@ -124,6 +126,11 @@ class CanonicalBody:
     parents: Int64[np.ndarray, " J"]
     joint_names: tuple[str, ...]
     source: Body
+
+    @cached_property
+    def distance(self) -> BodyDistance:
+        """Signed distances to it: the tree is built when it is first asked."""
+        return BodyDistance(self.vertices, self.faces)
 
 
 def shape(body: Body, betas: Float[np.ndarray, " b"]) -> ShapedBody:

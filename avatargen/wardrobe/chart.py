@@ -70,7 +70,7 @@ class Chart:
 
     def __init__(self, body: CanonicalBody, marks: Path, spacing: float = 0.008) -> None:
         self.body = body
-        self.distance = BodyDistance(body.vertices, body.faces)
+        self.distance = body.distance
         self.dilated = dilated_surface(
             self.distance, np.stack([body.vertices.min(0), body.vertices.max(0)]), spacing
         )

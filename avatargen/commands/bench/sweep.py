@@ -17,7 +17,8 @@ from assets.bake import BakeConfig, bake_texture
 from assets.clean import tidy
 from assets.extract import ExtractConfig, trace
 from assets.measure import surface_error
-from assets.pipeline import BuildConfig, atlas_config, find_pose, simplify_fitted
+from assets.pipeline import BuildConfig, atlas_config, find_pose
+from assets.reduce import reduce, settle
 from assets.rest import to_rest
 from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
 from assets.surface import Surface, find_defects, smallest_angles
@@ -117,7 +118,7 @@ def surface_row(
     """One number of faces of an extracted surface: the later stages one by one."""
     costs = []
     with measured() as cost:
-        surface = simplify_fitted(dense, avatar, faces)
+        surface = settle(reduce(dense, avatar.sdf, faces), avatar.sdf)
     costs.append(("simplify", cost))
     with measured() as cost:
         attachment, skin = skinned(surface, avatar)
@@ -164,7 +165,7 @@ def skinned(surface: Surface, avatar: Avatar) -> tuple[Attachment, Skin]:
 def default_surface(avatar: Avatar, resolution: int, faces: int) -> Surface:
     """The mesh that textures and poses are measured on."""
     extraction = trace(avatar.sdf, avatar.bounds, ExtractConfig(resolution=resolution))
-    return simplify_fitted(tidy(extraction.surface).surface, avatar, faces)
+    return settle(reduce(tidy(extraction.surface).surface, avatar.sdf, faces), avatar.sdf)
 
 
 def sweep_textures(

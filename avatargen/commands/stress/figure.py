@@ -52,7 +52,7 @@ def figure(body: Body, beta: float = 0.0) -> Figure:
     low, high = canonical.vertices.min(axis=0) - 0.05, canonical.vertices.max(axis=0) + 0.05
     return Figure(
         body=canonical,
-        distance=BodyDistance(canonical.vertices, canonical.faces),
+        distance=canonical.distance,
         betas=np.full(body.shapedirs.shape[2], beta, dtype=np.float32),
         info=AssetInfo(seed=0, weights_hash="0" * 64, version=__version__, licence="CC0-1.0"),
         bounds=np.stack([low, high]),
