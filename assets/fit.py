@@ -20,7 +20,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from assets.field import Field, ask
-from assets.surface import Surface, directed_edges, edge_lengths, face_normals, smallest_angles
+from assets.surface import Surface, directed_edges, edge_lengths, face_normals, smallest_angle_of
 
 PATTERN = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6  # barycentric coordinates on every face
 INDICES = np.arange(3, dtype=np.int32)  # 32 bits hold a hundred million faces, in half the memory
@@ -154,20 +154,25 @@ def shortest_edges(surface: Surface) -> Float64[np.ndarray, " V"]:
 def move_safely(surface: Surface, move: Float64[np.ndarray, "V 3"], config: FitConfig) -> Surface:
     """Move vertices, but less, and in the end not at all, where faces would turn too far or get too thin."""
     move = move.copy()
-    for halving in range(len(surface.vertices) + HALVINGS):
-        moved = Surface(vertices=surface.vertices + move, faces=surface.faces)
-        spoilt = spoilt_faces(surface, moved, config) & (move[surface.faces] != 0).any(axis=(1, 2))
+    held = np.ones(len(move), dtype=bool)  # whose moves have changed since their faces were looked at
+    for halving in range(len(move) + HALVINGS):
+        near = surface.faces[held[surface.faces].any(axis=1)]
+        spoilt = spoilt_faces(surface.vertices[near], (surface.vertices + move)[near], config)
+        spoilt &= (move[near] != 0).any(axis=(1, 2))
         if not spoilt.any():
             break
-        held = np.unique(surface.faces[spoilt])
+        held = np.zeros(len(move), dtype=bool)
+        held[near[spoilt]] = True
         move[held] *= 0.5 if halving < HALVINGS else 0.0
-    return moved
+    return Surface(vertices=surface.vertices + move, faces=surface.faces)
 
 
-def spoilt_faces(before: Surface, after: Surface, config: FitConfig) -> Bool[np.ndarray, " F"]:
+def spoilt_faces(
+    before: Float64[np.ndarray, "F 3 3"], after: Float64[np.ndarray, "F 3 3"], config: FitConfig
+) -> Bool[np.ndarray, " F"]:
     """Faces that have turned by more than the limit, or whose smallest angle has shrunk to a thin one."""
-    old, new = face_normals(before), face_normals(after)
+    old, new = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (before, after))
     lengths = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
     turned = np.einsum("fd,fd->f", old, new) <= config.largest_turn * lengths
-    was, angle = smallest_angles(before), smallest_angles(after)
+    was, angle = smallest_angle_of(before), smallest_angle_of(after)
     return turned | ((angle < config.thin) & (angle < was))

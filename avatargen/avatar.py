@@ -131,7 +131,7 @@ class Avatar:
         @torch.inference_mode()
         def answer(index: np.ndarray) -> np.ndarray:
             chunk = given[index]
-            body = body_points(self.field.distance.query(chunk), faces)
+            body = body_points(self.field.distance.query_in_order(chunk), faces)
             return head(torch.from_numpy(chunk).to(device), body).cpu().numpy()
 
         size = CPU_CHUNK if device.type == "cpu" else GPU_CHUNK

@@ -56,7 +56,6 @@ class BodyDistance:
         Raises:
             FieldError: a point is NaN or infinite.
         """
-        points = np.ascontiguousarray(points, dtype=np.float64)
         if not np.isfinite(points).all():
             raise FieldError("body distance: points hold NaN or infinity; ask at finite points")
         if len(points) == 0:
@@ -73,8 +72,9 @@ class BodyDistance:
         back[order] = np.arange(len(order))
         return BodyHit(distance=hit.distance[back], face=hit.face[back], barycentric=hit.barycentric[back])
 
-    def query_in_order(self, points: Float64[np.ndarray, "N 3"]) -> BodyHit:
-        """`query` without its checks, in the given order."""
+    def query_in_order(self, points: Float[np.ndarray, "N 3"]) -> BodyHit:
+        """`query` of finite points, in the given order: the fastest where neighbours follow each other."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
         squared, face, barycentric = self.closest.query(points)
         inside = np.empty(len(points), dtype=bool)
         self.is_inside(points, self.corners, self.features, face, barycentric, ON_EDGE, inside)
