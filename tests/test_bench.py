@@ -12,7 +12,7 @@ from assets.surface import Surface, smallest_angles
 from avatargen.avatar import load_generator
 from avatargen.commands.bench import run as bench
 from avatargen.commands.bench.cost import measured
-from avatargen.commands.bench.peer import with_libigl
+from avatargen.commands.bench.peer import with_cheap_distance, with_libigl
 from avatargen.commands.bench.plot import front
 from avatargen.commands.bench.truth import (
     Match,
@@ -116,10 +116,13 @@ def test_settings_are_chosen_by_what_was_measured() -> None:
         within_budget(choices, 1.0)
 
 
-def test_libigls_tree_gives_the_same_distance() -> None:
+def test_libigls_tree_gives_the_same_distance_and_the_cheap_one_another() -> None:
     avatar = load_generator().sample(3)
     points = torch.from_numpy(np.random.default_rng(5).uniform(*avatar.bounds, size=(2000, 3)))
-    assert (with_libigl(avatar).sdf(points) - avatar.sdf(points)).abs().max() < 1e-5
+    exact = avatar.sdf(points)
+    assert (with_libigl(avatar).sdf(points) - exact).abs().max() < 1e-5
+    off = (with_cheap_distance(avatar).sdf(points) - exact).abs()
+    assert 1e-5 < off.median() < 5e-3
 
 
 def test_the_command_writes_tables_a_plot_and_curves(tmp_path, monkeypatch, capsys) -> None:

@@ -186,6 +186,22 @@ def test_interruption_runs_every_finally(sent: signal.Signals, status: int) -> N
     assert process.returncode == status
 
 
+@pytest.mark.parametrize("status", [0, 2, 143])
+def test_leaving_keeps_the_status_what_was_printed_and_what_waits_for_the_end(status: int) -> None:
+    code = f"""
+import atexit, sys
+from avatargen.commands.line import leave
+atexit.register(print, "the end", file=sys.stderr)
+print("x" * 100_000)
+leave({status})
+print("not reached")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == status
+    assert done.stdout == "x" * 100_000 + "\n"
+    assert done.stderr == "the end\n"
+
+
 def test_a_library_that_changes_the_exit_of_a_signal_does_not_change_the_status() -> None:
     def load() -> None:
         try:

@@ -8,6 +8,7 @@ import sys
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from avatargen import __version__
 from avatargen.atomic import check_writable
@@ -17,6 +18,7 @@ from avatargen.commands.line import (
     MOST_FACES,
     OneLineParser,
     falling_numbers,
+    leave,
     positive_number,
     quantity,
     run_command,
@@ -321,5 +323,10 @@ def output_path(given: Namespace) -> Path:
     return given.out
 
 
+def program() -> NoReturn:
+    """The installed command."""
+    leave(main())
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

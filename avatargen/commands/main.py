@@ -9,9 +9,10 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from typing import NoReturn
 
 from avatargen import __version__
-from avatargen.commands.line import complain
+from avatargen.commands.line import complain, leave
 from avatargen.errors import InputError
 
 PROGRAM = "avatargen"
@@ -149,5 +150,10 @@ def help_text() -> str:
     )
 
 
+def program() -> NoReturn:
+    """The installed command."""
+    leave(main())
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

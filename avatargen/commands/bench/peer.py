@@ -90,7 +90,7 @@ class CheapDistance(BodyDistance):
         nodes = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         self.nodes = exact.query(nodes + self.low)
 
-    def query(self, points: Float[np.ndarray, "N 3"]) -> BodyHit:
+    def query_in_order(self, points: Float[np.ndarray, "N 3"]) -> BodyHit:
         place = np.clip((points - self.low) / NODE, 0, self.count - 1)
         grid = self.nodes.distance.reshape(3 * (self.count,))
         nearest = np.rint(place).astype(np.int64) @ [self.count**2, self.count, 1]
