@@ -10,7 +10,9 @@ from jaxtyping import Bool, Float64, Int64
 from assets.field import Field, ask
 from assets.surface import Surface, face_areas, face_normals
 
-DOUBTFUL = 0.001  # metres beyond which a zero found along the gradient may not be the nearest
+DOUBTFUL = 0.001  # metres beyond which a zero found along the gradient may not be the nearest, where ...
+DIFFERENT, STEEP = 1.25, 0.9  # ... it is so many times what the value tells at this quantile of the slopes
+LONGEST = 100  # of these distances that are looked at anyway, as the largest error is one of them
 LOST = 0.2  # share of the field's value that may be left after the steps
 NEAR_ZERO = 2e-6  # metres from zero that count as there
 SHORTEST, FARTHEST, SHELLS, HALVINGS = 5e-5, 0.05, 16, 5  # metres and numbers, of the search all around
@@ -92,7 +94,8 @@ def distances(
 ) -> Float64[np.ndarray, " N"]:
     """Distance to the zero level along the field's gradient or, where that leads nowhere or far, the least
     in many directions, metres."""
-    distance, lost = distance_to_zero(points, sdf, step)
+    distance, told = distance_to_zero(points, sdf, step)
+    lost = to_look_at(distance, told)
     if lost.any():
         along = normals[lost] / np.maximum(np.linalg.norm(normals[lost], axis=1, keepdims=True), 1e-300)
         distance[lost] = np.minimum(distance[lost], distance_around(points[lost], along, sdf))
@@ -119,13 +122,26 @@ def points_on(
     return np.einsum("nc,ncd->nd", barycentric, surface.vertices[surface.faces[face]])
 
 
+def to_look_at(
+    distance: Float64[np.ndarray, " N"], told: Float64[np.ndarray, " N"]
+) -> Bool[np.ndarray, " N"]:
+    """Which points may have a nearer zero elsewhere: those where a field that rises as distances do would
+    have told another one."""
+    far = distance > DOUBTFUL
+    agree = (distance <= DIFFERENT * told) & (told <= DIFFERENT * distance) & (distance <= FARTHEST)
+    chosen = far & ~agree
+    others = np.flatnonzero(far & ~chosen)
+    chosen[others[np.argsort(-distance[others], kind="stable")[:LONGEST]]] = True
+    return chosen
+
+
 def distance_to_zero(
     points: Float64[np.ndarray, "N 3"], sdf: Field, step: float
-) -> tuple[Float64[np.ndarray, " N"], Bool[np.ndarray, " N"]]:
+) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, " N"]]:
     """Distance along the field's gradient to its zero, metres: a Newton step, then a secant step on the same
-    line.
+    line; infinite where this comes near no zero.
 
-    The second array marks points from which this comes near no zero (infinitely far), or only near a far one.
+    The second array is the distance that the value tells if the field rises as it does in most places.
     """
     value = ask(sdf, points)
     ahead = ask(sdf, (points[:, None] + step * np.eye(3)).reshape(-1, 3)).reshape(-1, 3)
@@ -140,7 +156,7 @@ def distance_to_zero(
     last = ask(sdf, points + secant[:, None] * direction)
     lost = np.abs(last) > np.maximum(LOST * np.abs(value), NEAR_ZERO * slope)
     distance = np.where(lost, np.inf, np.abs(secant) + np.abs(last) / slope)
-    return distance, lost | (distance > DOUBTFUL)
+    return distance, np.abs(value) / (np.quantile(slope, STEEP) if len(slope) else 1.0)
 
 
 def distance_around(

@@ -85,3 +85,21 @@ def test_a_zero_beside_the_line_is_found():
 def test_no_zero_in_reach_is_as_far_as_the_search_goes():
     error = surface_error(icosphere(), lambda points: torch.ones(len(points)), MeasureConfig(samples=50))
     assert error.max_mm == 50
+
+
+def test_a_coarse_mesh_is_measured_with_few_questions_and_the_same_error():
+    """Where the field rises as distances do, far samples are believed; some are looked at all the same."""
+    asked = []
+
+    def sphere(points):
+        asked.append(len(points))
+        return points.norm(dim=1) - 0.5
+
+    coarse = icosphere(0.5, rounds=1)  # 8 to 35 mm inside
+    samples = 3000
+    error = surface_error(coarse, sphere, MeasureConfig(samples=samples))
+    face, barycentric = sample_surface(coarse, samples, 0)
+    exact = 1000 * (0.5 - np.linalg.norm(points_on(coarse, face, barycentric), axis=1))
+    assert error.mean_mm == pytest.approx(exact.mean(), rel=0.01)
+    assert error.max_mm == pytest.approx(exact.max(), rel=0.05)
+    assert sum(asked) < 30 * samples  # 300 if each were sought all around
