@@ -2,10 +2,11 @@
 
 from assets.animate import animate, figure_of
 from assets.asset import Asset, PlainAsset, TexturedAsset
+from assets.build_config import BuildConfig
 from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
 from assets.levels import with_levels
-from assets.pipeline import BuildConfig, build, build_content
+from assets.pipeline import build, build_content
 from assets.surface import Surface
 
 __all__ = [

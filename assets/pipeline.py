@@ -1,117 +1,26 @@
-"""From an avatar's fields to an asset: the stages in order, timed.
+"""From an avatar's fields to an asset, in stages that are timed.
 
-extract -> clean -> simplify -> skin -> fit, measure, rest -> bake -> normals, occlusion on request
-                                    `-> atlas, in its own process -'
+    shape (extract ... atlas, see `assets.shape`) -> bake -> normals, occlusion on request -> rig
 
 Which of them run is planned first (`assets.plan`): a mesh alone has no atlas and no colours.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
-
 import numpy as np
-import torch
-from jaxtyping import Float
 
 from assets.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAsset
-from assets.atlas import Atlas, AtlasConfig, unwrap
-from assets.attach import Attachment, attach
+from assets.atlas import Atlas
 from assets.bake import BakeConfig, Texture, bake_texture
-from assets.bones import Bones, add_ends, aim_bones
-from assets.clean import Cleaning, tidy
+from assets.bones import add_ends, aim_bones
+from assets.build_config import AvatarFields, BuildConfig
 from assets.clock import Clock, Progress
-from assets.extract import ExtractConfig, Extraction, trace_whole
-from assets.joints import body_on, drop_idle_joints
-from assets.measure import SurfaceError, missed_error, surface_error
+from assets.joints import drop_idle_joints
 from assets.morph import beta_sliders
 from assets.normal_map import bake_normals
 from assets.occlusion import bake_occlusion, distance_to
-from assets.plan import Content, Joints, LeftOut, Plan, make_plan
-from assets.reduce import reduce, settle
-from assets.rest import RestMesh, to_rest
+from assets.plan import LeftOut
 from assets.rig import Morph, Skeleton
-from assets.simplify import SimplifyConfig
-from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
-from assets.surface import Surface
-from avatargen.body.fingers import hand_of_joint
-from avatargen.body.model import CanonicalBody
-from avatargen.body.pose import named_pose
+from assets.shape import Shape, find_pose, make_shape
 from avatargen.errors import InputError
-
-DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at faces
-
-
-@runtime_checkable
-class AvatarFields(Protocol):
-    """What is needed of an avatar: fields in the canonical space, the canonical body, and where it comes
-    from."""
-
-    @property
-    def body(self) -> CanonicalBody: ...
-
-    @property
-    def betas(self) -> np.ndarray: ...
-
-    @property
-    def bounds(self) -> np.ndarray: ...
-
-    @property
-    def info(self) -> Any: ...
-
-    def sdf(self, points: torch.Tensor) -> torch.Tensor: ...
-
-    def color(self, points: torch.Tensor) -> torch.Tensor: ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class BuildConfig:
-    """What the asset is to have. Raises InputError for values out of range."""
-
-    content: Content = "rigged"
-    resolution: int = 512  # cells along the longest side of the avatar's box
-    faces: int | None = 20_000  # None: all that the resolution gives, for a mesh alone
-    texture: int = 1024  # texels along a side
-    joints: Joints = "all"  # 24: no fingers; moving: those alone that move a vertex or carry one that does
-    pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
-    head_detail: float = 2.0  # texels along a line on the head for one on the body
-    normal_map: int | None = None  # texels along a side of the field's own normals; None: none
-    ambient_occlusion: int | None = None  # texels along a side of how open the surface lies; None: none
-    bones: Bones = "along"  # joints' frames have +y along their bones; world: they are the world's
-    ends: bool = False  # a joint that moves nothing where each last bone ends
-    morphs: bool = False  # a slider for each of the body's shape directions
-    on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it
-
-    def __post_init__(self) -> None:
-        ExtractConfig(resolution=self.resolution)
-        if self.faces is not None:
-            SimplifyConfig(target_faces=self.faces)
-        BakeConfig(texture_size=self.texture)
-        AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
-        BakeConfig(texture_size=self.normal_map or self.texture)
-        BakeConfig(texture_size=self.ambient_occlusion or self.texture)
-        self.plan()
-
-    def plan(self) -> Plan:
-        """The stages that this takes. Raises InputError for settings that do not go together."""
-        maps = self.normal_map is not None, self.ambient_occlusion is not None
-        return make_plan(self.content, self.faces, self.joints, *maps)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shape:
-    """A mesh on the way: canonical, skinned, measured, posed, and unwrapped where that is planned."""
-
-    extraction: Extraction
-    cleaning: Cleaning
-    body: CanonicalBody  # on the joints that are wanted
-    surface: Surface
-    attachment: Attachment
-    skin: Skin
-    error: SurfaceError
-    missed: SurfaceError | None
-    rest: RestMesh
-    atlas: Atlas | None
 
 
 def build(avatar: AvatarFields, config: BuildConfig | None = None, progress: Progress | None = None) -> Asset:
@@ -160,52 +69,6 @@ def build_content(avatar: AvatarFields, config: BuildConfig, progress: Progress 
         occlusion=occlusion,
     )
     return textured if config.content == "textured" else rig(textured, shape, shape.atlas, avatar, config)
-
-
-def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape:
-    """The stages that make the mesh; charts are cut in a process of their own meanwhile."""
-    body = body_on(avatar.body, config.joints)
-    rotations = find_pose(config.pose, body)
-    with clock("extract"):
-        extraction = trace_whole(avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution))
-    with clock("clean"):
-        cleaning = tidy(extraction.surface)
-    surface = cleaning.surface
-    if config.faces is not None:
-        with clock("simplify"):
-            surface = reduce(surface, avatar.sdf, config.faces)
-    with clock("skin"):
-        attachment = attach(surface, body)
-        skin = skin_attached(attachment, body, SkinConfig())
-    atlas = None
-    with ThreadPoolExecutor(1) as beside:
-        charts = None
-        if "atlas" in clock.plan.stages:
-            parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
-            charts = beside.submit(unwrap, surface, parts, atlas_config(body, config))
-        if config.faces is not None:
-            with clock("fit"):
-                surface = settle(surface, avatar.sdf)
-        with clock("measure"):
-            error = surface_error(surface, avatar.sdf)
-            missed = None if config.faces is None else missed_error(surface, cleaning.surface)
-        with clock("rest"):
-            rest = to_rest(surface, skin, attachment, body, avatar.betas, rotations, config.on_ground)
-        if charts is not None:
-            with clock("atlas"):
-                atlas = charts.result()
-    return Shape(
-        extraction=extraction,
-        cleaning=cleaning,
-        body=body,
-        surface=surface,
-        attachment=attachment,
-        skin=skin,
-        error=error,
-        missed=missed,
-        rest=rest,
-        atlas=atlas,
-    )
 
 
 def plain_asset(avatar: AvatarFields, shape: Shape, report: Report) -> PlainAsset:
@@ -262,29 +125,6 @@ def make_morphs(avatar: AvatarFields, shape: Shape, atlas: Atlas, config: BuildC
         )
         for slider in sliders
     )
-
-
-def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Float[np.ndarray, "J 3"]:
-    """Axis-angle rotations of a named pose, or those given.
-
-    Raises:
-        InputError: an unknown name, or rotations that do not fit the body.
-    """
-    if isinstance(pose, str):
-        return named_pose(pose, body.joint_names)
-    if pose.shape != (len(body.parents), 3) or not np.isfinite(pose).all():
-        raise InputError(
-            f"pose: rotations have shape {pose.shape}; finite [{len(body.parents)}, 3] are needed"
-        )
-    return pose
-
-
-def atlas_config(body: CanonicalBody, config: BuildConfig) -> AtlasConfig:
-    """Charts for the texture's size, finer on the head of a body that has one."""
-    scales: tuple[tuple[int, float], ...] = ()
-    if DETAILED_JOINT in body.joint_names:
-        scales = ((body.joint_names.index(DETAILED_JOINT), config.head_detail),)
-    return AtlasConfig(texture_size=config.texture, scales=scales)
 
 
 def asset_info(avatar: AvatarFields) -> AssetInfo:

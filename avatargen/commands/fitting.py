@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from assets.asset import PlainAsset
+from assets.build_config import BuildConfig
 from assets.clock import Progress
-from assets.pipeline import BuildConfig, build_content
+from assets.pipeline import build_content
 from assets.plan import LeftOut
 from avatargen.avatar import Avatar, shipped
 from avatargen.commands.choose import Choice, Curves, load_curves, within_budget, within_tolerance

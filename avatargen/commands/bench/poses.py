@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float, Float64
 
 from assets.attach import Attachment
-from assets.pipeline import AvatarFields
+from assets.build_config import AvatarFields
 from assets.rest import to_rest
 from assets.skin import Skin
 from assets.surface import Surface, directed_edges, edge_lengths

@@ -145,7 +145,7 @@ def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Res
     """Every sweep on every seed, but the peers' recipe on the first alone; says what is being done."""
     import torch
 
-    from assets.pipeline import BuildConfig
+    from assets.build_config import BuildConfig
     from avatargen.commands.bench import sweep
     from avatargen.commands.bench.compare import compare
     from avatargen.commands.bench.peer import PeerConfig

@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from assets.pipeline import BuildConfig, build_content
+from assets.build_config import BuildConfig
+from assets.pipeline import build_content
 from avatargen.avatar import AvatarSampler
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.tables import table

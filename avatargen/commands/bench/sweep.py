@@ -14,12 +14,13 @@ import torch
 from assets.atlas import AtlasConfig, unwrap
 from assets.attach import Attachment, attach
 from assets.bake import BakeConfig, bake_texture
+from assets.build_config import BuildConfig
 from assets.clean import tidy
 from assets.extract import ExtractConfig, trace
 from assets.measure import surface_error
-from assets.pipeline import BuildConfig, atlas_config, find_pose
 from assets.reduce import reduce, settle
 from assets.rest import to_rest
+from assets.shape import atlas_config, find_pose
 from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
 from assets.surface import Surface, find_defects, smallest_angles
 from avatargen.avatar import Avatar

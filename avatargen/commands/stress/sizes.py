@@ -5,7 +5,8 @@ import numpy as np
 from assets.asset import Asset, PlainAsset, TexturedAsset
 from assets.atlas import AtlasConfig, unwrap
 from assets.bake import BakeConfig, bake_texture
-from assets.pipeline import BuildConfig, build_content
+from assets.build_config import BuildConfig
+from assets.pipeline import build_content
 from assets.surface import Surface, find_defects
 from avatargen.commands.stress.case import Case, require
 from avatargen.commands.stress.figure import Figure, default_figure, figure, with_joints

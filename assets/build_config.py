@@ -1,0 +1,72 @@
+"""What an asset is to have, and what is needed of an avatar to build it."""
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from assets.atlas import AtlasConfig
+from assets.bake import BakeConfig
+from assets.bones import Bones
+from assets.extract import ExtractConfig
+from assets.plan import Content, Joints, Plan, make_plan
+from assets.simplify import SimplifyConfig
+from avatargen.body.model import CanonicalBody
+
+
+@runtime_checkable
+class AvatarFields(Protocol):
+    """What is needed of an avatar: fields in the canonical space, the canonical body, and where it comes
+    from."""
+
+    @property
+    def body(self) -> CanonicalBody: ...
+
+    @property
+    def betas(self) -> np.ndarray: ...
+
+    @property
+    def bounds(self) -> np.ndarray: ...
+
+    @property
+    def info(self) -> Any: ...
+
+    def sdf(self, points: torch.Tensor) -> torch.Tensor: ...
+
+    def color(self, points: torch.Tensor) -> torch.Tensor: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildConfig:
+    """What the asset is to have. Raises InputError for values out of range."""
+
+    content: Content = "rigged"
+    resolution: int = 512  # cells along the longest side of the avatar's box
+    faces: int | None = 20_000  # None: all that the resolution gives, for a mesh alone
+    texture: int = 1024  # texels along a side
+    joints: Joints = "all"  # 24: no fingers; moving: those alone that move a vertex or carry one that does
+    pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
+    head_detail: float = 2.0  # texels along a line on the head for one on the body
+    normal_map: int | None = None  # texels along a side of the field's own normals; None: none
+    ambient_occlusion: int | None = None  # texels along a side of how open the surface lies; None: none
+    bones: Bones = "along"  # joints' frames have +y along their bones; world: they are the world's
+    ends: bool = False  # a joint that moves nothing where each last bone ends
+    morphs: bool = False  # a slider for each of the body's shape directions
+    on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it
+
+    def __post_init__(self) -> None:
+        ExtractConfig(resolution=self.resolution)
+        if self.faces is not None:
+            SimplifyConfig(target_faces=self.faces)
+        BakeConfig(texture_size=self.texture)
+        AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
+        BakeConfig(texture_size=self.normal_map or self.texture)
+        BakeConfig(texture_size=self.ambient_occlusion or self.texture)
+        self.plan()
+
+    def plan(self) -> Plan:
+        """The stages that this takes. Raises InputError for settings that do not go together."""
+        maps = self.normal_map is not None, self.ambient_occlusion is not None
+        return make_plan(self.content, self.faces, self.joints, *maps)

@@ -1,0 +1,115 @@
+"""From an avatar's field to the mesh of an asset, in canonical and rest pose, with weights and charts.
+
+extract -> clean -> simplify -> skin -> fit, measure, rest
+                                  `-> atlas, in its own process
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from assets.atlas import Atlas, AtlasConfig, unwrap
+from assets.attach import Attachment, attach
+from assets.build_config import AvatarFields, BuildConfig
+from assets.clean import Cleaning, tidy
+from assets.clock import Clock
+from assets.extract import ExtractConfig, Extraction, trace_whole
+from assets.joints import body_on
+from assets.measure import SurfaceError, missed_error, surface_error
+from assets.reduce import reduce, settle
+from assets.rest import RestMesh, to_rest
+from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
+from assets.surface import Surface
+from avatargen.body.fingers import hand_of_joint
+from avatargen.body.model import CanonicalBody
+from avatargen.body.pose import named_pose
+from avatargen.errors import InputError
+
+DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at faces
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A mesh on the way: canonical, skinned, measured, posed, and unwrapped where that is planned."""
+
+    extraction: Extraction
+    cleaning: Cleaning
+    body: CanonicalBody  # on the joints that are wanted
+    surface: Surface
+    attachment: Attachment
+    skin: Skin
+    error: SurfaceError
+    missed: SurfaceError | None
+    rest: RestMesh
+    atlas: Atlas | None
+
+
+def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape:
+    """The stages that make the mesh; charts are cut in a process of their own meanwhile."""
+    body = body_on(avatar.body, config.joints)
+    rotations = find_pose(config.pose, body)
+    with clock("extract"):
+        extraction = trace_whole(avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution))
+    with clock("clean"):
+        cleaning = tidy(extraction.surface)
+    surface = cleaning.surface
+    if config.faces is not None:
+        with clock("simplify"):
+            surface = reduce(surface, avatar.sdf, config.faces)
+    with clock("skin"):
+        attachment = attach(surface, body)
+        skin = skin_attached(attachment, body, SkinConfig())
+    atlas = None
+    with ThreadPoolExecutor(1) as beside:
+        charts = None
+        if "atlas" in clock.plan.stages:
+            parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
+            charts = beside.submit(unwrap, surface, parts, atlas_config(body, config))
+        if config.faces is not None:
+            with clock("fit"):
+                surface = settle(surface, avatar.sdf)
+        with clock("measure"):
+            error = surface_error(surface, avatar.sdf)
+            missed = None if config.faces is None else missed_error(surface, cleaning.surface)
+        with clock("rest"):
+            rest = to_rest(surface, skin, attachment, body, avatar.betas, rotations, config.on_ground)
+        if charts is not None:
+            with clock("atlas"):
+                atlas = charts.result()
+    return Shape(
+        extraction=extraction,
+        cleaning=cleaning,
+        body=body,
+        surface=surface,
+        attachment=attachment,
+        skin=skin,
+        error=error,
+        missed=missed,
+        rest=rest,
+        atlas=atlas,
+    )
+
+
+def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Float[np.ndarray, "J 3"]:
+    """Axis-angle rotations of a named pose, or those given.
+
+    Raises:
+        InputError: an unknown name, or rotations that do not fit the body.
+    """
+    if isinstance(pose, str):
+        return named_pose(pose, body.joint_names)
+    if pose.shape != (len(body.parents), 3) or not np.isfinite(pose).all():
+        raise InputError(
+            f"pose: rotations have shape {pose.shape}; finite [{len(body.parents)}, 3] are needed"
+        )
+    return pose
+
+
+def atlas_config(body: CanonicalBody, config: BuildConfig) -> AtlasConfig:
+    """Charts for the texture's size, finer on the head of a body that has one."""
+    scales: tuple[tuple[int, float], ...] = ()
+    if DETAILED_JOINT in body.joint_names:
+        scales = ((body.joint_names.index(DETAILED_JOINT), config.head_detail),)
+    return AtlasConfig(texture_size=config.texture, scales=scales)
