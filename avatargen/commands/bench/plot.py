@@ -64,7 +64,7 @@ def draw_surfaces(axes: Any, rows: Sequence[SurfaceRow], comparison: Sequence[Co
     axes.set(xscale="log", yscale="log", xlabel="processor seconds to mesh and charts (marks: to the file)")
     axes.set(ylabel="mesh to field, 99th percentile, mm", title="Surface error against run time")
     axes.legend(fontsize=7, loc="upper left", ncols=1, bbox_to_anchor=(1.0, 1.0))  # beside, over no mark
-    axes.grid(which="both", alpha=0.25)
+    rule(axes, axes.xaxis, axes.yaxis)
 
 
 def draw_normals(axes: Any, rows: Sequence[SurfaceRow]) -> None:
@@ -79,7 +79,7 @@ def draw_normals(axes: Any, rows: Sequence[SurfaceRow]) -> None:
     axes.plot(faces, normal, "^-", label="shading normals, degrees")
     axes.set(xscale="log", yscale="log", xlabel="faces", title=f"Mean errors at resolution {finest}")
     axes.legend(fontsize=8)
-    axes.grid(which="both", alpha=0.25)
+    rule(axes, axes.xaxis, axes.yaxis)
 
 
 def draw_textures(axes: Any, rows: Sequence[TextureRow]) -> None:
@@ -92,7 +92,7 @@ def draw_textures(axes: Any, rows: Sequence[TextureRow]) -> None:
         seconds = median(group, lambda row: sum(row.seconds.values()))
         label(axes, f"{group[0].size}, {seconds:.1f} s", x, y)
     axes.set(xscale="log", xlabel="MB of the picture", ylabel="PSNR, dB", title="Texture against the field")
-    axes.grid(which="both", alpha=0.25)
+    rule(axes, axes.xaxis)
 
 
 def draw_steps(axes: Any, mapping: Sequence[MappingRow], rays: Sequence[RayRow]) -> None:
@@ -108,9 +108,21 @@ def draw_steps(axes: Any, mapping: Sequence[MappingRow], rays: Sequence[RayRow])
     text = "\n".join(["median posed error, mm", *lines])
     axes.text(0.98, 0.04, text, transform=axes.transAxes, ha="right", fontsize=8)
     axes.set(xscale="log", xlabel="seconds a picture", ylabel="PSNR, dB", title="Steps a ray")
+    rule(axes, axes.xaxis)
+
+
+def rule(axes: Any, *logarithmic: Any) -> None:
+    """A grid, with plain numbers at 1, 2 and 5 along logarithmic axes and room at the ends."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.margins(0.1)
+    for axis in logarithmic:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(lambda number, _: f"{number:,.10g}"))
+        axis.set_minor_formatter(NullFormatter())
     axes.grid(which="both", alpha=0.25)
 
 
 def label(axes: Any, text: str, x: float, y: float) -> None:
-    """A word below a point."""
+    """A word above a point."""
     axes.annotate(text, (x, y), ha="center", xytext=(0, 7), textcoords="offset points", fontsize=8)
