@@ -8,8 +8,9 @@ faces and the field's tangent planes there (unit normal n_s, distance r_s),
     sum_s area_s (r_s + n_s . sum_i b_si d_i)^2 + damping sum_i weight_i |d_i|^2
 
 with b the barycentric coordinates. Where the planes around a vertex differ, the sum is least on the crease
-where they meet, as in dual contouring (Ju et al. 2002); where they agree, the damping keeps the vertex from
-sliding. The mesh keeps its faces; no face may turn or become thin.
+where they meet, as in dual contouring (Ju et al. 2002); where they nearly agree, the vertex slides to where
+its faces serve best, and the damping keeps it from going far for nothing. The mesh keeps its faces; no face
+may turn or become thin.
 """
 
 from dataclasses import dataclass
@@ -38,11 +39,11 @@ class FitConfig:
     """Four questions to the field a face and round, nine more where a face is uneven."""
 
     rounds: int = 1
-    damping: float = 0.2
+    damping: float = 0.002  # enough to solve for; more holds vertices where sliding would serve
     largest_move: float = 0.3  # of the shortest edge at the vertex, or ...
     overshoot: float = 1.5  # ... of the largest residual there: an edge is farther than its faces
     uneven: float = (
-        0.2  # slope along a face, of that across it, from which each of its points has its own plane
+        0.4  # slope along a face, of that across it, from which each of its points has its own plane
     )
     largest_turn: float = 0.5  # cosine of the angle a face may turn by
     thin: float = 6.0  # degrees under which no angle may shrink
