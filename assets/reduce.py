@@ -5,8 +5,8 @@
 
 The first round lays the faces on the field, so that the second simplification weighs them by where the field
 is and not by the steps of a grid: an eighth off the 99th percentile of the error. All but the last step is
-final but for the places of vertices, which it moves by about a tenth of a millimetre: charts and weights need
-not wait for it.
+final but for the places of vertices, which that slides by half a millimetre as a rule: charts need not wait
+for it.
 """
 
 from assets.field import Field

@@ -47,7 +47,7 @@ class Shape:
 
 
 def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape:
-    """The stages that make the mesh; charts are cut in a process of their own meanwhile."""
+    """The stages that make the mesh; charts are cut meanwhile."""
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
     with clock("extract"):
@@ -58,18 +58,17 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
     if config.faces is not None:
         with clock("simplify"):
             surface = reduce(surface, avatar.sdf, config.faces)
-    with clock("skin"):
-        attachment = attach(surface, body)
-        skin = skin_attached(attachment, body, SkinConfig())
     atlas = None
     with ThreadPoolExecutor(1) as beside:
         charts = None
         if "atlas" in clock.plan.stages:
-            parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
-            charts = beside.submit(unwrap, surface, parts, atlas_config(body, config))
+            charts = beside.submit(cut_charts, surface, body, config)
         if config.faces is not None:
             with clock("fit"):
                 surface = settle(surface, avatar.sdf)
+        with clock("skin"):
+            attachment = attach(surface, body)
+            skin = skin_attached(attachment, body, SkinConfig())
         with clock("measure"):
             error = surface_error(surface, avatar.sdf)
             missed = None if config.faces is None else missed_error(surface, cleaning.surface)
@@ -90,6 +89,13 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
         rest=rest,
         atlas=atlas,
     )
+
+
+def cut_charts(surface: Surface, body: CanonicalBody, config: BuildConfig) -> Atlas:
+    """Charts of a surface whose vertices may still move a little, cut where other joints move it."""
+    skin = skin_attached(attach(surface, body), body, SkinConfig())
+    parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
+    return unwrap(surface, parts, atlas_config(body, config))
 
 
 def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Float[np.ndarray, "J 3"]:

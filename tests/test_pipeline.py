@@ -17,9 +17,11 @@ from assets import (
     extract,
 )
 from assets.asset import AssetInfo, Skeleton
+from assets.attach import attach
 from assets.errors import BoundsError, GeometryError
 from assets.extract import GROWTHS, ROOM, trace, trace_whole
 from assets.joints import drop_idle_joints
+from assets.skin import SkinConfig, skin_attached
 from assets.surface import Surface, find_defects
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import CanonicalBody, canonical_body, forward_kinematics, from_rest_joints
@@ -89,10 +91,22 @@ def test_an_asset_has_everything_asked_for():
     assert not find_defects(welded_surface(asset))
 
 
+def test_weights_are_those_of_where_the_vertices_end_up():
+    """Charts are cut before vertices are placed a last time; weights are not."""
+    asset = built()
+    surface = welded_surface(asset, asset.canonical)
+    body = stranger().body
+    skin = skin_attached(attach(surface, body), body, SkinConfig())
+    wanted = skin.dense(len(body.parents))[asset.welded]
+    found = np.zeros_like(wanted)
+    np.add.at(found, (np.arange(len(found))[:, None], asset.joints), asset.weights)
+    assert np.quantile(np.abs(found - wanted).max(axis=1), 0.999) < 1e-4
+
+
 def test_the_report_says_what_it_took():
     report = report_of(built())
     names = [name for name, _ in report.seconds]
-    assert names == ["extract", "clean", "simplify", "skin", "fit", "measure", "rest", "atlas", "bake"]
+    assert names == ["extract", "clean", "simplify", "fit", "skin", "measure", "rest", "atlas", "bake"]
     assert report.total_seconds == pytest.approx(sum(dict(report.seconds).values()))
     assert 0 < report.error.mean_mm < report.error.p99_mm < report.error.max_mm < 20
     assert report.error.mean_mm < 0.6
