@@ -202,6 +202,31 @@ print("not reached")
     assert done.stderr == "the end\n"
 
 
+TERMINATED_WITHIN = """
+import os, signal, sys, time
+from avatargen.commands.line import run_command
+class Thing:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.05)
+def work():
+    thing = Thing()
+    try:
+        del thing
+        while True:
+            time.sleep(0.01)
+    finally:
+        print("tidy", flush=True)
+sys.exit(run_command("p", work))
+"""
+
+
+def test_a_signal_within_a_destructor_is_not_lost() -> None:
+    code = [sys.executable, "-c", TERMINATED_WITHIN]
+    done = subprocess.run(code, cwd=PROJECT, capture_output=True, timeout=20)
+    assert (done.returncode, done.stdout) == (143, b"tidy\n")
+
+
 def test_a_library_that_changes_the_exit_of_a_signal_does_not_change_the_status() -> None:
     def load() -> None:
         try:

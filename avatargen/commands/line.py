@@ -9,13 +9,17 @@ import atexit
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
+from types import FrameType
 from typing import NoReturn
 
 from avatargen.errors import AvatarGenError, InputError
 
+RETRY = 0.05  # seconds until a signal that could not end the process comes again
 LARGEST_SEED = 2**63 - 1
 MOST_SEEDS = 1_000_000
 FEWEST_FACES, MOST_FACES = 100, 2_000_000
@@ -47,9 +51,14 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     received: list[int] = []
 
-    def stop(signum: int, frame: object) -> NoReturn:
+    def stop(signum: int, frame: FrameType | None) -> None:
         received.append(signum)
-        terminate(signum, frame)
+        if swallows(frame):
+            again = threading.Timer(RETRY, signal.raise_signal, [signum])
+            again.daemon = True
+            again.start()
+        else:
+            terminate(signum, frame)
 
     signal.signal(signal.SIGTERM, stop)
     try:
@@ -70,6 +79,19 @@ def run_command(program: str, command: Callable[[], None]) -> int:
             raise
         return 128 + received[-1]
     return 0
+
+
+def swallows(frame: FrameType | None) -> bool:
+    """Whether what is raised here is reported and forgotten: in a destructor, or in a function that a weak
+    reference or compiled code calls back."""
+    while frame is not None:
+        code = frame.f_code
+        if code.co_name == "__del__" or Path(code.co_filename).name == "weakref.py":
+            return True
+        if "llvmlite" in code.co_filename:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def leave(status: int) -> NoReturn:
