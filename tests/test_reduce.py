@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+from shapes import BOX, PERSON_BOX, person, torus
+
+from assets.extract import ExtractConfig, extract
+from assets.measure import surface_error
+from assets.reduce import reduce, settle
+from assets.simplify import SimplifyConfig, simplify
+from assets.surface import find_defects, smallest_angles
+
+
+@pytest.mark.parametrize(("sdf", "box", "share"), [(torus(), BOX, 0.65), (person(), PERSON_BOX, 0.9)])
+@pytest.mark.parametrize("faces", [600, 3000])
+def test_a_reduced_surface_lies_nearer_to_the_field_than_a_simplified_one(sdf, box, share, faces):
+    dense = extract(sdf, box, ExtractConfig(resolution=128))
+    plain = surface_error(simplify(dense, SimplifyConfig(target_faces=faces)), sdf)
+    turned = reduce(dense, sdf, faces)
+    settled = settle(turned, sdf)
+
+    assert 0.97 * faces <= len(turned.faces) <= faces
+    assert np.array_equal(settled.faces, turned.faces)
+    error = surface_error(settled, sdf)
+    assert error.mean_mm < share * plain.mean_mm
+    assert error.mean_mm < surface_error(turned, sdf).mean_mm
+    for surface in (turned, settled):
+        assert not find_defects(surface)
+    assert np.mean(smallest_angles(settled) < 5) <= 0.001
+
+
+def test_a_surface_with_few_faces_keeps_them():
+    dense = extract(torus(), BOX, ExtractConfig(resolution=16))
+    assert len(dense.faces) < 2000
+    kept = reduce(dense, torus(), 4000)
+    assert len(kept.faces) >= 0.97 * len(dense.faces)
+    assert not find_defects(kept)
