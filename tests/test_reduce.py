@@ -13,18 +13,18 @@ from assets.surface import find_defects, smallest_angles
 @pytest.mark.parametrize("faces", [600, 3000])
 def test_a_reduced_surface_lies_nearer_to_the_field_than_a_simplified_one(sdf, box, share, faces):
     dense = extract(sdf, box, ExtractConfig(resolution=128))
-    plain = surface_error(simplify(dense, SimplifyConfig(target_faces=faces)), sdf)
+    simple = simplify(dense, SimplifyConfig(target_faces=faces))
     turned = reduce(dense, sdf, faces)
     settled = settle(turned, sdf)
 
     assert 0.97 * faces <= len(turned.faces) <= faces
     assert np.array_equal(settled.faces, turned.faces)
     error = surface_error(settled, sdf)
-    assert error.mean_mm < share * plain.mean_mm
+    assert error.mean_mm < share * surface_error(simple, sdf).mean_mm
     assert error.mean_mm < surface_error(turned, sdf).mean_mm
     for surface in (turned, settled):
         assert not find_defects(surface)
-    assert np.mean(smallest_angles(settled) < 5) <= 0.001
+    assert (smallest_angles(settled) < 5).sum() <= 1 + 0.7 * (smallest_angles(simple) < 5).sum()
 
 
 def test_a_surface_with_few_faces_keeps_them():
