@@ -16,12 +16,12 @@ may turn or become thin.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from assets.field import Field, ask
-from assets.surface import Surface, directed_edges, edge_lengths, face_normals, smallest_angle_of
+from assets.surface import Surface, directed_edges, edge_lengths, face_normals, spoilt
 
 PATTERN = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6  # barycentric coordinates on every face
 INDICES = np.arange(3, dtype=np.int32)  # 32 bits hold a hundred million faces, in half the memory
@@ -158,22 +158,11 @@ def move_safely(surface: Surface, move: Float64[np.ndarray, "V 3"], config: FitC
     held = np.ones(len(move), dtype=bool)  # whose moves have changed since their faces were looked at
     for halving in range(len(move) + HALVINGS):
         near = surface.faces[held[surface.faces].any(axis=1)]
-        spoilt = spoilt_faces(surface.vertices[near], (surface.vertices + move)[near], config)
-        spoilt &= (move[near] != 0).any(axis=(1, 2))
-        if not spoilt.any():
+        before, after = surface.vertices[near], (surface.vertices + move)[near]
+        wrong = spoilt(before, after, config.largest_turn, config.thin) & (move[near] != 0).any(axis=(1, 2))
+        if not wrong.any():
             break
         held = np.zeros(len(move), dtype=bool)
-        held[near[spoilt]] = True
+        held[near[wrong]] = True
         move[held] *= 0.5 if halving < HALVINGS else 0.0
     return Surface(vertices=surface.vertices + move, faces=surface.faces)
-
-
-def spoilt_faces(
-    before: Float64[np.ndarray, "F 3 3"], after: Float64[np.ndarray, "F 3 3"], config: FitConfig
-) -> Bool[np.ndarray, " F"]:
-    """Faces that have turned by more than the limit, or whose smallest angle has shrunk to a thin one."""
-    old, new = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (before, after))
-    lengths = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
-    turned = np.einsum("fd,fd->f", old, new) <= config.largest_turn * lengths
-    was, angle = smallest_angle_of(before), smallest_angle_of(after)
-    return turned | ((angle < config.thin) & (angle < was))

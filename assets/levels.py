@@ -23,7 +23,7 @@ from assets.collapse import apart, changed_corners, links_hold, replaced, standi
 from assets.errors import GeometryError
 from assets.field import Field
 from assets.measure import MeasureConfig, SurfaceError, surface_error
-from assets.surface import compact, directed_edges, opposite_edges, smallest_angle_of
+from assets.surface import compact, directed_edges, normals_of, opposite_edges, spoilt
 from avatargen.errors import InputError
 
 AnyAsset = TypeVar("AnyAsset", bound=PlainAsset)
@@ -105,7 +105,7 @@ def begin(asset: PlainAsset) -> Shrinking:
 def add_quadrics(mesh: Shrinking) -> None:
     """Planes of the faces, weighted by area; and upright ones along seams, which hold the seams' path."""
     corners = mesh.points[mesh.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = normals_of(corners)
     area = np.linalg.norm(normal, axis=1)
     unit = normal / np.maximum(area, 1e-300)[:, None]
     for corner in range(3):
@@ -198,11 +198,7 @@ def permitted(
     candidate, corner, becomes = new_corners(mesh, edges, split, other)
     before = mesh.points[mesh.faces[corner // 3]]
     after = mesh.points[replaced(mesh.faces, corner, edges[candidate, 1])]
-    was, normal = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (before, after))
-    size = np.linalg.norm(was, axis=1) * np.linalg.norm(normal, axis=1)
-    bad = np.einsum("kd,kd->k", was, normal) <= LARGEST_TURN * size
-    narrow, narrower = (smallest_angle_of(p) for p in (before, after))
-    bad |= (narrower < THINNEST) & (narrower < narrow)
+    bad = spoilt(before, after, LARGEST_TURN, THINNEST)
     if mesh.uv is not None:
         stays = np.where(becomes < 0, mesh.split.reshape(-1)[corner], becomes)
         old, new = (
@@ -210,8 +206,8 @@ def permitted(
             signed_areas(mesh.uv[mesh.laid[replaced(mesh.split, corner, stays)]]),
         )
         bad |= (old * new <= 0) & (old != 0)
-    spoilt = np.bincount(candidate, bad, minlength=len(edges)) > 0
-    return links_hold(mesh.faces, len(mesh.points), edges) & ~spoilt
+    refused = np.bincount(candidate, bad, minlength=len(edges)) > 0
+    return links_hold(mesh.faces, len(mesh.points), edges) & ~refused
 
 
 def signed_areas(uv: Float64[np.ndarray, "K 3 2"]) -> Float64[np.ndarray, " K"]:

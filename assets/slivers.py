@@ -16,6 +16,7 @@ from assets.surface import (
     compact,
     directed_edges,
     face_normals,
+    normals_of,
     smallest_angle_of,
     smallest_angles,
     vertex_normals,
@@ -71,7 +72,7 @@ def judge(
     candidate, corner = changed_corners(surface.faces, edges)
     old = surface.vertices[surface.faces[corner // 3]]
     new = surface.vertices[replaced(surface.faces, corner, edges[candidate, 1])]
-    was, normal = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (old, new))
+    was, normal = normals_of(old), normals_of(new)
     size = np.linalg.norm(was, axis=1), np.linalg.norm(normal, axis=1)
     cosine = np.einsum("kd,kd->k", was, normal) / np.maximum(size[0] * size[1], 1e-300)
     angle = smallest_angle_of(new)

@@ -7,7 +7,7 @@ from outside.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from assets.errors import GeometryError
 
@@ -198,6 +198,26 @@ def smallest_angle_of(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarr
     """The smallest angle of triangles, degrees: where the product of the sides is largest."""
     double_area, products = products_of_sides(corners)
     return np.degrees(np.arctan2(double_area, products.max(axis=0)))
+
+
+def normals_of(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 3"]:
+    """Outward normals of triangles, as long as twice their area."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def spoilt(
+    before: Float64[np.ndarray, "F 3 3"],
+    after: Float64[np.ndarray, "F 3 3"],
+    largest_turn: float,
+    thin: float,
+) -> Bool[np.ndarray, " F"]:
+    """Which triangles turn by more than an angle of this cosine, or shrink their smallest angle to fewer than
+    `thin` degrees."""
+    old, new = normals_of(before), normals_of(after)
+    lengths = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
+    turned = np.einsum("fd,fd->f", old, new) <= largest_turn * lengths
+    was, angle = smallest_angle_of(before), smallest_angle_of(after)
+    return turned | ((angle < thin) & (angle < was))
 
 
 def corner_angles(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 3"]:
