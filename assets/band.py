@@ -53,11 +53,11 @@ class Band:
     missed: int  # audited points of skipped cells across the surface from the centre that ruled them out
 
 
-def find_band(values: CornerValues, config: ExtractConfig, widening: float) -> Band:
+def find_band(values: CornerValues, config: ExtractConfig, widening: float, smallest: int = 1) -> Band:
     """Halve cells until they are small enough, keeping at each level only those the surface may pass
-    through."""
+    through; none gets smaller than `smallest` fine cells."""
     grid, rng = values.grid, np.random.default_rng(config.seed)
-    last = largest_power(config.resolution / config.seeds)
+    last = max(largest_power(config.resolution / config.seeds), smallest)
     size = max(largest_power(config.resolution / config.coarsest), last)
     axes = [np.arange(0, count, size) for count in grid.shape]
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

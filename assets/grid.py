@@ -7,7 +7,7 @@ cell is named by its low corner.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float64, Int64, Shaped
+from jaxtyping import Bool, Float, Float64, Int64, Shaped
 
 from assets.field import Field, ask
 from avatargen.errors import InputError
@@ -16,6 +16,7 @@ CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0
 MAX_CORNERS = 1 << 34
 BITS = 2  # of a coordinate, that tell corners of one brick apart
 BRICK = 1 << BITS  # corners along a brick's side
+FEW = 1 / 100  # of the numbers there are
 NEVER_ZERO = 1e-5  # of a cell: values closer to zero are moved there, so that no triangle has zero area
 
 
@@ -41,8 +42,8 @@ class Grid:
         ]
 
 
-def make_grid(bounds: Float64[np.ndarray, "2 3"], resolution: int) -> Grid:
-    """Cubic cells, `resolution` of them along the longest side.
+def make_grid(bounds: Float64[np.ndarray, "2 3"], resolution: int, together: int = 1) -> Grid:
+    """Cubic cells, `resolution` of them along the longest side; along each side a multiple of `together`.
 
     Raises:
         InputError: bounds that hold no box, or too many cells.
@@ -51,7 +52,7 @@ def make_grid(bounds: Float64[np.ndarray, "2 3"], resolution: int) -> Grid:
     if not (np.isfinite(bounds).all() and (side > 0).all()):
         raise InputError(f"extract: bounds {bounds.tolist()} hold no box; give finite low and high corners")
     cell_size = float(side.max()) / resolution
-    shape = np.maximum(np.ceil(side / cell_size - 1e-9), 1).astype(np.int64)
+    shape = np.maximum(np.ceil(side / cell_size / together - 1e-9), 1).astype(np.int64) * together
     if np.prod(shape + 1) > MAX_CORNERS:
         raise InputError(f"extract: {shape.tolist()} cells are too many; lower the resolution")
     return Grid(low=bounds[0], cell_size=cell_size, shape=shape)
@@ -67,7 +68,9 @@ def grown(array: Shaped[np.ndarray, " M"], size: int) -> Shaped[np.ndarray, " N"
 
 
 def once(numbers: Int64[np.ndarray, " N"], below: int) -> Int64[np.ndarray, " K"]:
-    """Each of these numbers once, in order: faster than sorting where they are dense."""
+    """Each of these numbers once, in order: faster than sorting, unless they are few."""
+    if len(numbers) < FEW * below:
+        return np.unique(numbers)
     there = np.zeros(below, dtype=bool)
     there[numbers] = True
     return np.flatnonzero(there)
@@ -101,9 +104,9 @@ class CornerValues:
         x, y, z = (share[corners[:, axis]] for axis, share in enumerate(self.shares))
         return self.decode(x + y + z)
 
-    def slots_of_cells(self, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "C 8"]:
-        """The same for the corners of cells, in the order of `CORNERS`."""
-        x, y, z = ((share[cells[:, d]], share[cells[:, d] + 1]) for d, share in enumerate(self.shares))
+    def slots_of_cells(self, cells: Int64[np.ndarray, "C 3"], size: int = 1) -> Int64[np.ndarray, "C 8"]:
+        """The same for the corners of cells of a size, in the order of `CORNERS`."""
+        x, y, z = ((share[cells[:, d]], share[cells[:, d] + size]) for d, share in enumerate(self.shares))
         return self.decode(np.stack([x[i] + y[j] + z[k] for i, j, k in CORNERS], axis=1))
 
     def decode(self, codes: Int64[np.ndarray, "*N"]) -> Int64[np.ndarray, "*N"]:
@@ -152,3 +155,32 @@ class CornerValues:
         """The field at corners where it has been asked already, 0 elsewhere."""
         slots = self.slots(corners)  # which may make room, and so comes first
         return self.values[slots]
+
+
+class CellSet:
+    """Cells of one size, of a grid whose corners have values."""
+
+    def __init__(self, values: CornerValues) -> None:
+        self.values = values
+        self.there = np.zeros(0, dtype=bool)  # by the slot of a cell's low corner
+
+    def add(self, cells: Int64[np.ndarray, "C 3"]) -> None:
+        """Cells that may be in it already."""
+        slots = self.values.slots(cells)
+        self.there = grown(self.there, len(self.values.values))
+        self.there[slots] = True
+
+    def has(self, cells: Int64[np.ndarray, "C 3"]) -> Bool[np.ndarray, " C"]:
+        """Which of these cells are in it."""
+        slots = self.values.slots(cells)
+        self.there = grown(self.there, len(self.values.values))
+        return self.there[slots]
+
+    def lacking(self, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:
+        """Those of these cells that are not in it, each once."""
+        return different(self.values, cells[~self.has(cells)])
+
+
+def different(values: CornerValues, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, "K 3"]:
+    """Each of these corners once."""
+    return values.corners(once(values.slots(corners), len(values.values)))

@@ -1,10 +1,10 @@
 """From the dense surface to the faces asked for, laid on the field.
 
     simplify to a quarter more -> turn edges, place vertices
-    simplify to the number     -> remove slivers, turn edges | place vertices
+    simplify to the number     -> turn edges | place vertices
 
 The first round lays the faces on the field, so that the second simplification weighs them by where the field
-is and not by the steps of a grid: an eighth off the 99th percentile of the error. All but the last step is
+is and not by the steps of a grid: an eighth off the error. All but the last step is
 final but for the places of vertices, which that slides by half a millimetre as a rule: charts need not wait
 for it.
 """
@@ -13,15 +13,13 @@ from assets.field import Field
 from assets.fit import fit
 from assets.flip import flip
 from assets.simplify import SimplifyConfig, simplify
-from assets.slivers import remove_slivers
 from assets.surface import Surface, find_defects
 
 SURPLUS = 1.25  # of the faces asked for, in the first round
 
 
 def reduce(dense: Surface, sdf: Field, faces: int) -> Surface:
-    """The surface at the faces asked for, without slivers and near the zero level of `sdf`, creases included,
-    where that leaves it sound.
+    """The surface at the faces asked for, near the zero level of `sdf`, creases included.
 
     Raises:
         GeometryError: no method reached the number of faces with a closed manifold surface.
@@ -30,7 +28,7 @@ def reduce(dense: Surface, sdf: Field, faces: int) -> Surface:
     more = simplify(dense, SimplifyConfig(target_faces=round(SURPLUS * faces)))
     laid = fit(flip(more, sdf), sdf)
     simple = simplify(more if find_defects(laid) else laid, SimplifyConfig(target_faces=faces))
-    turned = flip(remove_slivers(simple), sdf)
+    turned = flip(simple, sdf)
     return simple if find_defects(turned) else turned
 
 

@@ -6,16 +6,18 @@ extract -> clean -> simplify -> skin -> fit, measure, rest
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
+from assets.adaptive import trace_adaptively
 from assets.atlas import Atlas, AtlasConfig, unwrap
 from assets.attach import Attachment, attach
 from assets.build_config import AvatarFields, BuildConfig
 from assets.clean import Cleaning, tidy
 from assets.clock import Clock
-from assets.extract import ExtractConfig, Extraction, trace_whole
+from assets.extract import ExtractConfig, Extraction, Tracer, trace, trace_whole
 from assets.joints import body_on
 from assets.measure import SurfaceError, missed_error, surface_error
 from assets.reduce import reduce, settle
@@ -51,7 +53,9 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
     with clock("extract"):
-        extraction = trace_whole(avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution))
+        extraction = trace_whole(
+            avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution), tracer(config.faces)
+        )
     with clock("clean"):
         cleaning = tidy(extraction.surface)
     surface = cleaning.surface
@@ -89,6 +93,11 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
         rest=rest,
         atlas=atlas,
     )
+
+
+def tracer(faces: int | None) -> Tracer:
+    """What extracts the surface: as coarsely as the faces left allow, or all that the resolution gives."""
+    return trace if faces is None else partial(trace_adaptively, faces=faces)
 
 
 def cut_charts(surface: Surface, body: CanonicalBody, config: BuildConfig) -> Atlas:

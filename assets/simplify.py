@@ -1,5 +1,5 @@
-"""Fewer faces by quadric edge collapses (Garland and Heckbert 1997), with the result checked and still in
-one closed piece."""
+"""Fewer faces by quadric edge collapses, with the result checked and still in one closed piece: our own
+collapses (`assets.decimate`) or, where these get stuck, fast-simplification's, or pymeshlab's."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.clean import from_pymeshlab, tidy, to_pymeshlab
+from assets.decimate import decimate
 from assets.errors import GeometryError
 from assets.surface import Surface, find_defects, volume
 from avatargen.errors import InputError
@@ -57,7 +58,8 @@ def simplify(surface: Surface, config: SimplifyConfig | None = None) -> Surface:
 
 
 def candidates(surface: Surface, target_faces: int) -> Iterator[Surface]:
-    """Ever slower ways to the target, each repaired once if its result is not sound."""
+    """Ways to the target in the order of their worth, each repaired once if its result is not sound."""
+    yield decimate(surface, target_faces)
     for aggression in AGGRESSION:
         yield from with_repair(collapse_fast(surface, target_faces, aggression))
     yield from with_repair(collapse_carefully(surface, target_faces))
