@@ -29,6 +29,7 @@ from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 
+SEEDS = 32  # cells along the bounds' longest side at which the search ends: of all pieces the largest is kept
 DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at faces
 
 
@@ -53,9 +54,8 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
     with clock("extract"):
-        extraction = trace_whole(
-            avatar.sdf, avatar.bounds, ExtractConfig(resolution=config.resolution), tracer(config.faces)
-        )
+        search = ExtractConfig(resolution=config.resolution, seeds=SEEDS)
+        extraction = trace_whole(avatar.sdf, avatar.bounds, search, tracer(config.faces))
     with clock("clean"):
         cleaning = tidy(extraction.surface)
     surface = cleaning.surface
