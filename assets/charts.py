@@ -11,7 +11,10 @@ import sys
 import numpy as np
 import xatlas
 
-MAX_COST = 1.4  # at which a chart stops growing: 4 % more charts than at xatlas's own 2, in 86 % of the time
+# at which a chart stops growing, and the weight of how far a face turns from it: with a tenth more charts than
+# at xatlas's own 2 and 2, a third of the faces so steep that the texture is stretched on them more than twice, in
+# six tenths of the time
+MAX_COST, NORMAL_WEIGHT = 1.4, 6.0
 
 
 def unwrap(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -25,7 +28,7 @@ def unwrap(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     pack.padding = int(arrays["padding"])
     pack.bilinear = True
     chart = xatlas.ChartOptions()
-    chart.max_cost = MAX_COST
+    chart.max_cost, chart.normal_deviation_weight = MAX_COST, NORMAL_WEIGHT
     atlas.generate(chart, pack, False)
     result = {"size": np.array([atlas.width, atlas.height])}
     scale = np.array([atlas.width, atlas.height], dtype=np.float64)
