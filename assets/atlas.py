@@ -23,7 +23,7 @@ from avatargen.errors import InputError
 
 NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
 ADOPTING_ROUNDS = 8
-SIDE_TO_PADDING = 128  # of the texture
+SIDE_TO_PADDING = 112  # of the texture
 MARGIN = 1.5  # texels between a face packed alone and its cell's border
 
 
