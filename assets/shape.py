@@ -17,7 +17,7 @@ from assets.attach import Attachment, attach
 from assets.build_config import AvatarFields, BuildConfig
 from assets.clean import Cleaning, tidy
 from assets.clock import Clock
-from assets.extract import ExtractConfig, Extraction, Tracer, trace, trace_whole
+from assets.extract import ExtractConfig, Extraction, trace, trace_whole
 from assets.joints import body_on
 from assets.measure import SurfaceError, missed_error, surface_error
 from assets.reduce import reduce, settle
@@ -54,8 +54,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
     with clock("extract"):
-        search = ExtractConfig(resolution=config.resolution, seeds=SEEDS)
-        extraction = trace_whole(avatar.sdf, avatar.bounds, search, tracer(config.faces))
+        extraction = find_surface(avatar, config.resolution, config.faces)
     with clock("clean"):
         cleaning = tidy(extraction.surface)
     surface = cleaning.surface
@@ -95,9 +94,10 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
     )
 
 
-def tracer(faces: int | None) -> Tracer:
-    """What extracts the surface: as coarsely as the faces left allow, or all that the resolution gives."""
-    return trace if faces is None else partial(trace_adaptively, faces=faces)
+def find_surface(avatar: AvatarFields, resolution: int, faces: int | None) -> Extraction:
+    """The avatar's surface, as coarsely as the faces left allow, or with None at the full resolution."""
+    way = trace if faces is None else partial(trace_adaptively, faces=faces)
+    return trace_whole(avatar.sdf, avatar.bounds, ExtractConfig(resolution=resolution, seeds=SEEDS), way)
 
 
 def cut_charts(surface: Surface, body: CanonicalBody, config: BuildConfig) -> Atlas:

@@ -82,7 +82,7 @@ def test_the_best_point_is_where_the_planes_meet():
     """Against a dense solve, and beside it where three planes are all one."""
     rng = np.random.default_rng(0)
     ends, planes = rng.normal(size=(2, 3)), rng.normal(size=(5, 4))
-    both = sum(np.outer(plane, plane) for plane in planes)
+    both = planes.T @ planes
     quadric = np.stack([both[np.triu_indices(4)], np.zeros(10)])
     *point, error = best_point(quadric, ends, 0, 1, 1e-12)
     assert point == pytest.approx(np.linalg.solve(both[:3, :3], -both[:3, 3]), abs=1e-6)

@@ -5,6 +5,7 @@ Each point of a sweep is a row: what was set, what it cost, how far it is from t
 processor's: with the bench's one thread what a clock shows on an idle machine, and the same on a busy one.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,11 +17,10 @@ from assets.attach import Attachment, attach
 from assets.bake import BakeConfig, bake_texture
 from assets.build_config import BuildConfig
 from assets.clean import tidy
-from assets.extract import ExtractConfig, trace
 from assets.measure import surface_error
 from assets.reduce import reduce, settle
 from assets.rest import to_rest
-from assets.shape import atlas_config, find_pose
+from assets.shape import atlas_config, find_pose, find_surface
 from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
 from assets.surface import Surface, find_defects, smallest_angles
 from avatargen.avatar import Avatar
@@ -100,17 +100,15 @@ def sweep_surfaces(
     avatar: Avatar, truth: Truth, resolutions: Sequence[int], faces: Sequence[int]
 ) -> Iterator[SurfaceRow]:
     """Every resolution with every number of faces that it can give."""
-    for resolution in resolutions:
+    for resolution, count in itertools.product(resolutions, faces):
         with measured() as extracting:
-            extraction = trace(avatar.sdf, avatar.bounds, ExtractConfig(resolution=resolution))
+            extraction = find_surface(avatar, resolution, count)
         with measured() as cleaning:
             dense = tidy(extraction.surface).surface
-        for count in faces:
-            if count < len(dense.faces):
-                seconds = {"extract": extracting.cpu_seconds, "clean": cleaning.cpu_seconds}
-                row = surface_row(avatar, truth, dense, resolution, count, seconds)
-                peak = max(row.peak_mb, extracting.peak_mb, cleaning.peak_mb)
-                yield replace(row, peak_mb=peak)
+        if count < len(dense.faces):
+            seconds = {"extract": extracting.cpu_seconds, "clean": cleaning.cpu_seconds}
+            row = surface_row(avatar, truth, dense, resolution, count, seconds)
+            yield replace(row, peak_mb=max(row.peak_mb, extracting.peak_mb, cleaning.peak_mb))
 
 
 def surface_row(
@@ -165,8 +163,8 @@ def skinned(surface: Surface, avatar: Avatar) -> tuple[Attachment, Skin]:
 
 def default_surface(avatar: Avatar, resolution: int, faces: int) -> Surface:
     """The mesh that textures and poses are measured on."""
-    extraction = trace(avatar.sdf, avatar.bounds, ExtractConfig(resolution=resolution))
-    return settle(reduce(tidy(extraction.surface).surface, avatar.sdf, faces), avatar.sdf)
+    dense = tidy(find_surface(avatar, resolution, faces).surface).surface
+    return settle(reduce(dense, avatar.sdf, faces), avatar.sdf)
 
 
 def sweep_textures(

@@ -1,17 +1,20 @@
 """Stress of extraction: fields that are no distances, have no surface, or more than the grid can show.
 
-Each check extracts at a modest resolution, keeps one component, and asks for a closed manifold one.
+Each check extracts at a modest resolution, keeps one component, and asks for a closed manifold one: once on
+the grid of the resolution, once from cells of two sizes.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from assets.adaptive import trace_adaptively
 from assets.clean import tidy
 from assets.errors import GeometryError
-from assets.extract import ExtractConfig, trace
+from assets.extract import ExtractConfig, Tracer, trace
 from assets.field import Field
 from assets.surface import Surface, find_defects, volume
 from avatargen.commands.stress.case import Case, require
@@ -21,6 +24,8 @@ BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 RESOLUTION = 96
 VOXEL = 2.0 / RESOLUTION
 RADIUS = 0.6
+FACES = 2000  # to be left, which tells the cells of two sizes where it is flat
+WAYS: dict[str, Tracer] = {"": trace, ", two sizes": partial(trace_adaptively, faces=FACES)}
 
 
 def sphere(points: Tensor, radius: float = RADIUS, x: float = 0.0) -> Tensor:
@@ -28,26 +33,26 @@ def sphere(points: Tensor, radius: float = RADIUS, x: float = 0.0) -> Tensor:
     return (points - torch.tensor([x, 0.0, 0.0])).norm(dim=1) - radius
 
 
-def solid(field: Field, bounds: np.ndarray = BOX) -> tuple[Surface, int]:
+def solid(way: Tracer, field: Field, bounds: np.ndarray = BOX) -> tuple[Surface, int]:
     """The largest component, closed and manifold, and how many others there were."""
-    extraction = trace(field, bounds, ExtractConfig(resolution=RESOLUTION))
+    extraction = way(field, bounds, ExtractConfig(resolution=RESOLUTION))
     cleaning = tidy(extraction.surface)
     defects = find_defects(cleaning.surface)
     require(not defects, f"the surface has {defects}")
     return cleaning.surface, cleaning.dropped_components
 
 
-def same_as_sphere(change: Callable[[Tensor], Tensor], limit: float) -> str:
+def same_as_sphere(way: Tracer, change: Callable[[Tensor], Tensor], limit: float) -> str:
     """The zero level of a changed sphere is the sphere's."""
-    surface, _ = solid(lambda points: change(sphere(points)))
+    surface, _ = solid(way, lambda points: change(sphere(points)))
     off = np.abs(np.linalg.norm(surface.vertices, axis=1) - RADIUS).max()
     require(off < limit, f"vertices are off by {1000 * off:.2f} mm")
     return f"closed, vertices within {1000 * off:.3f} mm"
 
 
-def fails(field: Field, bounds: np.ndarray = BOX) -> str:
+def fails(way: Tracer, field: Field) -> str:
     """A field that has no usable surface."""
-    surface, _ = solid(field, bounds)
+    surface, _ = solid(way, field)
     return f"a surface of {len(surface.faces)} faces"
 
 
@@ -88,47 +93,47 @@ def islands(points: Tensor) -> Tensor:
     return torch.minimum(ball, torch.minimum(sphere(points, 0.1, 0.75), sphere(points, 0.08, -0.75)))
 
 
-def thin() -> str:
+def thin(way: Tracer) -> str:
     try:
-        surface, dropped = solid(plate)
+        surface, dropped = solid(way, plate)
     except GeometryError as error:
         return f"GeometryError: {error}"
     return f"closed piece of {len(surface.faces)} faces, {dropped} crumbs dropped"
 
 
-def close_sheets() -> str:
-    surface, dropped = solid(two_sheets)
+def close_sheets(way: Tracer) -> str:
+    surface, dropped = solid(way, two_sheets)
     ball = 4 / 3 * np.pi * 0.4**3
     share = volume(surface) / ball
     require(abs(share - 1) < 0.03 or abs(share - 2) < 0.06, f"{share:.2f} balls are left")
     return f"closed, {share:.2f} balls, {dropped} dropped"
 
 
-def loose() -> str:
-    surface, dropped = solid(islands)
+def loose(way: Tracer) -> str:
+    surface, dropped = solid(way, islands)
     share = volume(surface) / (4 / 3 * np.pi * 0.5**3)
     require(dropped == 3 and abs(share - 1) < 0.01, f"{dropped} dropped, {share:.3f} of the ball's volume")
     return "bubble and islands dropped, the ball is whole"
 
 
-def rough() -> str:
-    surface, dropped = solid(noisy)
+def rough(way: Tracer) -> str:
+    surface, dropped = solid(way, noisy)
     off = np.abs(np.linalg.norm(surface.vertices, axis=1) - RADIUS).max()
     require(off < 3 * VOXEL, f"vertices are off by {off / VOXEL:.1f} voxels")
     return f"closed, vertices within {off / VOXEL:.1f} voxels, {dropped} crumbs dropped"
 
 
-def stripes() -> str:
-    surface, dropped = solid(torn)
+def stripes(way: Tracer) -> str:
+    surface, dropped = solid(way, torn)
     off = np.abs(np.linalg.norm(surface.vertices, axis=1) - RADIUS).max()
     require(off < 0.02 + 2 * VOXEL, f"vertices are off by {1000 * off:.0f} mm")
     return f"closed, vertices within {1000 * off:.0f} mm, {dropped} dropped"
 
 
-def far_away() -> str:
+def far_away(way: Tracer) -> str:
     """A box a hundred metres from the origin, where float32 keeps 8 micrometres."""
     shift = np.array([100.0, 0.0, 0.0])
-    surface, _ = solid(lambda points: sphere(points - torch.tensor([100.0, 0.0, 0.0])), BOX + shift)
+    surface, _ = solid(way, lambda points: sphere(points - torch.tensor([100.0, 0.0, 0.0])), BOX + shift)
     off = np.abs(np.linalg.norm(surface.vertices - shift, axis=1) - RADIUS).max()
     require(off < 1e-3, f"vertices are off by {1000 * off:.2f} mm")
     return f"closed, vertices within {1000 * off:.2f} mm"
@@ -137,16 +142,22 @@ def far_away() -> str:
 def cases() -> list[Case]:
     """Right surfaces first, then errors."""
     voxel = 0.1 * VOXEL
-    right = {
-        "field scaled by 1e-3": ("the same surface", lambda: same_as_sphere(lambda d: 1e-3 * d, voxel)),
-        "field scaled by 1e3": ("the same surface", lambda: same_as_sphere(lambda d: 1e3 * d, voxel)),
+    right: dict[str, tuple[str, Callable[[Tracer], str]]] = {
+        "field scaled by 1e-3": (
+            "the same surface",
+            partial(same_as_sphere, change=lambda d: 1e-3 * d, limit=voxel),
+        ),
+        "field scaled by 1e3": (
+            "the same surface",
+            partial(same_as_sphere, change=lambda d: 1e3 * d, limit=voxel),
+        ),
         "field cubed, flat at its zero": (
             "the same topology, within a voxel",
-            lambda: same_as_sphere(lambda d: 1e3 * d**3, VOXEL),
+            partial(same_as_sphere, change=lambda d: 1e3 * d**3, limit=VOXEL),
         ),
         "field clamped to 2 cm": (
             "the same surface",
-            lambda: same_as_sphere(lambda d: d.clamp(-0.02, 0.02), voxel),
+            partial(same_as_sphere, change=lambda d: d.clamp(-0.02, 0.02), limit=voxel),
         ),
         "discontinuous field": ("closed, within the jump", stripes),
         "rough at the voxel": ("closed, within 3 voxels", rough),
@@ -155,24 +166,30 @@ def cases() -> list[Case]:
         "floating islands and a bubble": ("one closed component, three dropped", loose),
         "100 m from the origin": ("closed, within 1 mm", far_away),
     }
-    wrong: dict[str, tuple[type[GeometryError] | type[FieldError], str, Callable[[], str]]] = {
-        "empty field": (GeometryError, "no surface", lambda: fails(lambda points: sphere(points) + 9)),
-        "full field": (GeometryError, "no surface", lambda: fails(lambda points: sphere(points) - 9)),
-        "NaN in a patch": (FieldError, "NaN", lambda: fails(patch_of_nan)),
-        "infinite field": (FieldError, "infinite", lambda: fails(lambda points: points[:, 0] / 0)),
+    wrong: dict[str, tuple[type[GeometryError] | type[FieldError], str, Field]] = {
+        "empty field": (GeometryError, "no surface", lambda points: sphere(points) + 9),
+        "full field": (GeometryError, "no surface", lambda points: sphere(points) - 9),
+        "NaN in a patch": (FieldError, "NaN", patch_of_nan),
+        "infinite field": (FieldError, "infinite", lambda points: points[:, 0] / 0),
         "surface through the box's side": (
             GeometryError,
             "larger bounds",
-            lambda: fails(lambda points: sphere(points, 1.2)),
+            lambda points: sphere(points, 1.2),
         ),
         "surface touching the box's side": (
             GeometryError,
             "larger bounds",
-            lambda: fails(lambda points: sphere(points, 0.4, 0.6005)),
+            lambda points: sphere(points, 0.4, 0.6005),
         ),
     }
-    found = [Case(name=name, expected=expected, check=check) for name, (expected, check) in right.items()]
-    for name, (kind, words, check) in wrong.items():
-        expected = f"{kind.__name__}: ... {words} ..."
-        found.append(Case(name=name, expected=expected, check=check, error=(kind, words)))
+    found = [
+        Case(name=name + words, expected=expected, check=partial(check, way))
+        for words, way in WAYS.items()
+        for name, (expected, check) in right.items()
+    ]
+    for label, way in WAYS.items():
+        for name, (kind, words, field) in wrong.items():
+            expected = f"{kind.__name__}: ... {words} ..."
+            check = partial(fails, way, field)
+            found.append(Case(name=name + label, expected=expected, check=check, error=(kind, words)))
     return found
