@@ -9,7 +9,7 @@ Edges wait in buckets, eight to a doubling of the error, which sorts them nearly
 only grow, an edge's error does, so it is enough to look at it again when its turn comes. An edge whose
 collapse leaves a thin face thinner waits longer, as if its error were greater. A collapse is refused where it
 would change the topology (the edge's ends share more than two neighbours), turn a face by too much or leave
-one too thin; it gets another turn when something beside it has collapsed.
+one without area; it gets another turn when something beside it has collapsed.
 
 Letters: V vertices, F faces, E directed edges; edge i of a face runs from its corner i to the next one, and a
 pair is an edge in both directions.
@@ -23,7 +23,8 @@ from assets.connectivity import end_of
 from assets.surface import Surface, compact, opposite_edges
 from avatargen.compiled import compiled
 
-FLAT = 0.02  # height over longest edge, under which a face's normal says nothing
+# heights over longest edges, under which a face has no area to speak of, and its normal says nothing
+NO_AREA, FLAT = 1e-4, 0.02
 BUCKETS, PER_DOUBLING = 768, 8
 SMALLEST = -84  # power of two of the error under which all are alike, square metres times square metres
 
@@ -35,7 +36,6 @@ class DecimateConfig:
     middle: float = 1e-4  # weight of an edge's middle, of that of its planes
     largest_turn: float = 0.2  # cosine of the angle that a face may turn by
     thin: float = 0.13  # height over longest edge, about 8 degrees, under which a new face counts against it
-    thinnest: float = 0.09  # height over longest edge, about 5 degrees, that no face may be brought under
 
 
 def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None = None) -> Surface:
@@ -47,7 +47,7 @@ def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None 
         return surface
     vertices = surface.vertices.copy()
     quadric = quadrics(vertices, surface.faces)
-    limits = (config.middle, config.largest_turn, config.thin, config.thinnest)
+    limits = (config.middle, config.largest_turn, config.thin)
     faces = collapse(vertices, quadric, surface.faces, twin.astype(np.int32), target_faces, limits)
     return compact(vertices, faces)
 
@@ -135,8 +135,8 @@ def cross(ax, ay, az, bx, by, bz):
 
 def spoils(vertices, start, twin, out, moved, other, x, y, z, limits):
     """By what the error counts more for the shape of the faces at a vertex that moves to a point, but for
-    those at `other` too; infinitely more where one turns too far or gets too thin."""
-    _, largest_turn, thin, thinnest = limits
+    those at `other` too; infinitely more where one turns too far or loses its area."""
+    _, largest_turn, thin = limits
     edge, worst = out[moved], 1.0
     while True:
         a, b = end_of(start, edge), start[previous(edge)]
@@ -156,7 +156,7 @@ def spoils(vertices, start, twin, out, moved, other, x, y, z, limits):
             if turned and before > (FLAT * old) ** 2:
                 return np.inf
             if after < (thin * new) ** 2 and after * old * old <= before * new * new:  # thinner than it was
-                if after <= (thinnest * new) ** 2:
+                if after <= (NO_AREA * new) ** 2:
                     return np.inf
                 worst = max(worst, (thin * new) ** 2 / after)
         edge = twin[previous(edge)]
