@@ -22,7 +22,7 @@ from assets.dual import Contour, Leaves, contour
 from assets.extract import Extraction
 from assets.field import Field, ask
 from assets.follow import across, find_start, follow_surface
-from assets.grid import CORNERS, CellSet, CornerValues, Grid, grown, make_grid, once
+from assets.grid import CORNERS, CellSet, CornerValues, Grid, different, grown, make_grid, once
 from assets.surface import Surface
 
 LARGE = 2  # small cells along a side of a large one
@@ -119,7 +119,7 @@ def first_halves(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Int64
             middle = values.at(cells[there] + CORNERS[low] + end) < 0
             upper = (middle == inside[there, low])[:, None]
             found.append(cells[there] + np.where(upper, end, CORNERS[low]))
-    return CellSet(values).lacking(np.concatenate(found))
+    return different(values, np.concatenate(found))
 
 
 def mixed_halves(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:

@@ -98,7 +98,7 @@ def number_sheets() -> tuple[np.ndarray, np.ndarray]:
             for corner in range(4):
                 if enters(case, RINGS, side, corner):
                     a = SIDE_EDGES[side, corner - 1]
-                    b = SIDE_EDGES[side, leaves(case, RINGS, side, corner)]
+                    b = SIDE_EDGES[side, way_out(case, RINGS, side, corner)]
                     joined[joined == joined[a]] = joined[b]
         crossed = [edge for side in range(6) for edge in SIDE_EDGES[side][differ(case, RINGS[side])]]
         for edge in sorted(set(crossed)):
@@ -119,7 +119,7 @@ def enters(case, rings, side, corner):
     return case >> rings[side, corner] & 1 and not case >> rings[side, corner - 1] & 1
 
 
-def leaves(case, rings, side, corner):
+def way_out(case, rings, side, corner):
     """The ring's edge by which it goes outside again."""
     while case >> rings[side, (corner + 1) % 4] & 1:
         corner += 1
@@ -193,7 +193,7 @@ def join_side(joined, case, side, rings, side_edges):
     """Join the edges of one side of a large cell where the surface crosses it."""
     for corner in range(4):
         if enters(case, rings, side, corner):
-            a, b = side_edges[side, corner - 1], leaves(case, rings, side, corner)
+            a, b = side_edges[side, corner - 1], way_out(case, rings, side, corner)
             join(joined, a, side_edges[side, b])
 
 
@@ -217,7 +217,7 @@ def join_halved_side(joined, x, y, z, side, case_of_small, small_at, field, ring
         for corner in range(4):
             if enters(case, rings, facing, corner):
                 a = edge_of_quarter(side, i, j, (corner - 1) % 4)
-                b = edge_of_quarter(side, i, j, leaves(case, rings, facing, corner))
+                b = edge_of_quarter(side, i, j, way_out(case, rings, facing, corner))
                 join(joined, a, b)
 
 
@@ -393,7 +393,7 @@ SIDE_EDGES = np.array(
 )  # between each corner of a ring and the next
 SHEETS, SHEET_OF_EDGE = number_sheets()
 enters = compiled(enters, forceinline=True)
-leaves = compiled(leaves, forceinline=True)
+way_out = compiled(way_out, forceinline=True)
 slot_of = compiled(slot_of, forceinline=True)
 number_at = compiled(number_at, forceinline=True)
 case_of = compiled(case_of, forceinline=True)
