@@ -21,6 +21,7 @@ from assets.attach import attach
 from assets.errors import BoundsError, GeometryError
 from assets.extract import GROWTHS, ROOM, trace, trace_whole
 from assets.joints import drop_idle_joints
+from assets.shape import find_surface
 from assets.skin import SkinConfig, skin_attached
 from assets.surface import Surface, find_defects
 from avatargen.body.distance import BodyDistance
@@ -307,6 +308,14 @@ def test_bounds_grow_where_the_surface_leaves_them():
     with pytest.raises(BoundsError, match="touches the bounds") as caught:
         trace(ball(0.8), short, config)
     assert caught.value.sides.tolist() == [[False, False, True], [False, False, False]]
+
+
+def test_fewer_faces_left_take_fewer_questions_and_every_face_takes_all():
+    few, many, every = (find_surface(stranger(), 96, faces) for faces in (500, 20_000, None))
+    assert few.queries < many.queries
+    assert len(few.surface.faces) < len(many.surface.faces)
+    exact = trace_whole(stranger().sdf, stranger().bounds, ExtractConfig(resolution=96))
+    assert np.array_equal(every.surface.vertices, exact.surface.vertices)
 
 
 def test_what_has_no_end_is_refused_after_a_few_bounds():
