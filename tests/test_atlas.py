@@ -5,6 +5,7 @@ import pytest
 from shapes import BOX, PERSON_BOX, icosphere, person, torus
 
 from assets import atlas as atlas_stage
+from assets.adaptive import trace_adaptively
 from assets.atlas import Atlas, AtlasConfig, unwrap, uv_areas
 from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
@@ -15,9 +16,8 @@ from avatargen.errors import InputError
 
 
 def small_person(faces=1500):
-    return simplify(
-        extract(person(), PERSON_BOX, ExtractConfig(resolution=128)), SimplifyConfig(target_faces=faces)
-    )
+    dense = trace_adaptively(person(), PERSON_BOX, ExtractConfig(resolution=128), faces).surface
+    return simplify(dense, SimplifyConfig(target_faces=faces))
 
 
 def parts_of(surface):
