@@ -13,6 +13,11 @@ def end_of(flat, edge):
     return flat[edge - 2] if edge % 3 == 2 else flat[edge + 1]
 
 
+def previous(edge):
+    """The edge before this one around its face."""
+    return edge + 2 if edge % 3 == 0 else edge - 1
+
+
 def ordered(order, keys, count):
     """An order sorted by the keys of what it names, 0 to count - 1; equal keys keep theirs."""
     place = np.zeros(count + 1, np.int64)
@@ -62,7 +67,7 @@ def count_split(faces, twin, vertex_count):
         edge, visited = first[vertex], 0
         while visited < degree[vertex]:
             visited += 1
-            edge = twin[edge + 2 if edge % 3 == 0 else edge - 1]  # to the next face of the fan
+            edge = twin[previous(edge)]  # to the next face of the fan
             if edge < 0 or edge == first[vertex]:
                 break
         split += visited != degree[vertex] or visited == 0
@@ -93,6 +98,7 @@ def label(faces, vertex_count):
 
 
 end_of = compiled(end_of, inline="always")
+previous = compiled(previous, inline="always")
 ordered = compiled(ordered)
 match_edges = compiled(match_edges)
 count_split = compiled(count_split)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assets.connectivity import end_of
+from assets.connectivity import end_of, previous
 from assets.surface import Surface, compact, opposite_edges
 from avatargen.compiled import compiled
 
@@ -50,11 +50,6 @@ def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None 
     limits = (config.middle, config.largest_turn, config.thin)
     faces = collapse(vertices, quadric, surface.faces, twin.astype(np.int32), target_faces, limits)
     return compact(vertices, faces)
-
-
-def previous(edge):
-    """The edge before this one around its face."""
-    return edge + 2 if edge % 3 == 0 else edge - 1
 
 
 def quadrics(vertices, faces):
@@ -275,7 +270,6 @@ def left(start, alive, count):
     return faces
 
 
-previous = compiled(previous, inline="always")
 cross = compiled(cross, inline="always")
 quadrics = compiled(quadrics)
 best_point = compiled(best_point, forceinline=True)

@@ -126,6 +126,15 @@ def way_out(case, rings, side, corner):
     return corner % 4
 
 
+def beside(x, y, z, axis, along, i, j):
+    """The place so far from this one along an axis, and along the next two."""
+    if axis == 0:
+        return x + along, y + i, z + j
+    if axis == 1:
+        return x + j, y + along, z + i
+    return x + i, y + j, z + along
+
+
 def slot_of(x, y, z, field):
     """Where the value of a corner lies, -1 where none does."""
     xs, ys, zs, opened, _ = field
@@ -205,12 +214,8 @@ def join_halved_side(joined, x, y, z, side, case_of_small, small_at, field, ring
     step = 2 if across else -1
     for quarter in range(4):
         i, j = quarter & 1, quarter >> 1
-        if axis == 0:
-            small = number_at(small_at, x + step, y + i, z + j, field)
-        elif axis == 1:
-            small = number_at(small_at, x + j, y + step, z + i, field)
-        else:
-            small = number_at(small_at, x + i, y + j, z + step, field)
+        low_x, low_y, low_z = beside(x, y, z, axis, step, i, j)
+        small = number_at(small_at, low_x, low_y, low_z, field)
         if small == 0:
             continue
         case = case_of_small[small - 1]
@@ -230,9 +235,8 @@ def sheets_of_large(large, case_of_small, count, small_at, large_at, field, ring
         case = case_of(x, y, z, 2, field)
         joined[:] = -1
         for side in range(6):
-            step = 4 * (side % 2) - 2
-            beyond = step * (side // 2 == 0), step * (side // 2 == 1), step * (side // 2 == 2)
-            if number_at(large_at, x + beyond[0], y + beyond[1], z + beyond[2], field) == HALVED:
+            low_x, low_y, low_z = beside(x, y, z, side // 2, 4 * (side % 2) - 2, 0, 0)
+            if number_at(large_at, low_x, low_y, low_z, field) == HALVED:
                 join_halved_side(joined, x, y, z, side, case_of_small, small_at, field, rings)
             else:
                 join_side(joined, case, side, rings, side_edges)
@@ -260,12 +264,7 @@ def cell_around(x, y, z, axis, quadrant, size, small_at, large_at, field):
     """In one of the quadrants around an edge that starts here, in turn from before it along both other axes:
     the number of its small cell, or, less than zero, of its large one; 0 for one that has given way."""
     i, j = size * (quadrant == 0 or quadrant == 3), size * (quadrant < 2)
-    if axis == 0:
-        y, z = y - i, z - j
-    elif axis == 1:
-        z, x = z - i, x - j
-    else:
-        x, y = x - i, y - j
+    x, y, z = beside(x, y, z, axis, 0, -i, -j)
     if size == 1:
         small = number_at(small_at, x, y, z, field)
         if small > 0:
@@ -286,15 +285,6 @@ def vertex_at(x, y, z, axis, quadrant, number, small_tables, large, vertex):
     if axis == 1:
         return vertex[cell, edge_in_large(1, dy, dz, dx)]
     return vertex[cell, edge_in_large(2, dz, dx, dy)]
-
-
-def begins_at(x, y, z, axis, i, j):
-    """The corner i and j from this one along the next two axes."""
-    if axis == 0:
-        return x, y + i, z + j
-    if axis == 1:
-        return x + j, y, z + i
-    return x + i, y + j, z
 
 
 def look_around(around, x, y, z, axis, size, own, small_at, large_at, field):
@@ -358,7 +348,7 @@ def cross_edges(small, large, small_tables, vertex, count, small_at, large_at, f
             if (sheet_of_edge[case[cell], edge] if size == 1 else vertex[cell, edge]) < 0:
                 continue
             axis = edge // 4
-            x, y, z = begins_at(low[0], low[1], low[2], axis, size * (edge & 1), size * (edge >> 1 & 1))
+            x, y, z = beside(low[0], low[1], low[2], axis, 0, size * (edge & 1), size * (edge >> 1 & 1))
             if not look_around(around, x, y, z, axis, size, own, small_at, large_at, field):
                 continue
             for quadrant in range(4):
@@ -394,6 +384,7 @@ SIDE_EDGES = np.array(
 SHEETS, SHEET_OF_EDGE = number_sheets()
 enters = compiled(enters, forceinline=True)
 way_out = compiled(way_out, forceinline=True)
+beside = compiled(beside, forceinline=True)
 slot_of = compiled(slot_of, forceinline=True)
 number_at = compiled(number_at, forceinline=True)
 case_of = compiled(case_of, forceinline=True)
@@ -408,7 +399,6 @@ edge_in_large = compiled(edge_in_large, forceinline=True)
 cell_around = compiled(cell_around, forceinline=True)
 vertex_at = compiled(vertex_at, forceinline=True)
 slope_of = compiled(slope_of, forceinline=True)
-begins_at = compiled(begins_at, forceinline=True)
 look_around = compiled(look_around, forceinline=True)
 add_slope = compiled(add_slope, forceinline=True)
 add_crossing = compiled(add_crossing, forceinline=True)
