@@ -290,17 +290,14 @@ def vertex_at(x, y, z, axis, quadrant, number, small_tables, large, vertex):
 def look_around(around, x, y, z, axis, size, own, small_at, large_at, field):
     """Fill in the cells around an edge that starts here; whether its face is found from the cell with our
     number, which is the first one of its size around the edge, and no smaller one is there."""
+    mine = False
     for turn in range(4):
         quadrant = (turn + 2) & 3  # an edge at its cell's low corner is soon known to be the cell's own
-        around[quadrant] = cell_around(x, y, z, axis, quadrant, size, small_at, large_at, field)
-        if around[quadrant] == own:
-            break
-        if around[quadrant] > 0 or size == 2:
+        number = cell_around(x, y, z, axis, quadrant, size, small_at, large_at, field)
+        mine |= number == own
+        if number == 0 or (not mine and (number > 0 or size == 2)):
             return False
-    for quadrant in range(4):
-        around[quadrant] = cell_around(x, y, z, axis, quadrant, size, small_at, large_at, field)
-        if around[quadrant] == 0:
-            return False
+        around[quadrant] = number
     return True
 
 
