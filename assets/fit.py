@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import bsr_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from assets.field import Field, ask
@@ -39,7 +39,7 @@ class FitConfig:
     """Four questions to the field a face and round, nine more where a face is uneven."""
 
     rounds: int = 1
-    damping: float = 0.002  # enough to solve for; more holds vertices where sliding would serve
+    damping: float = 1e-4  # enough to solve for; more holds vertices where sliding would serve
     largest_move: float = 0.3  # of the shortest edge at the vertex, or ...
     overshoot: float = 1.5  # ... of the largest residual there: an edge is farther than its faces
     uneven: float = (
@@ -127,7 +127,11 @@ def gradients(
 
 
 def best_moves(surface: Surface, planes: Planes, damping: float) -> Float64[np.ndarray, "V 3"]:
-    """The least-squares moves, metres, by conjugate gradients."""
+    """The least-squares moves, metres, by conjugate gradients.
+
+    A vertex on a flat part is held across it alone, so its three equations differ a hundredfold in weight:
+    solved together for each vertex first (block Jacobi), the rest takes a tenth of the steps.
+    """
     faces, size = surface.faces, 3 * len(surface.vertices)
     area = np.linalg.norm(face_normals(surface), axis=1)
     weight = np.repeat(area / max(area.mean(), 1e-300), len(PATTERN))
@@ -137,9 +141,17 @@ def best_moves(surface: Surface, planes: Planes, damping: float) -> Float64[np.n
     matrix = csr_array((entries.reshape(-1), columns.reshape(-1), ends), shape=(len(weight), size))
     square = csr_array(matrix.T @ diags_array(weight) @ matrix)
     held = np.repeat(square.diagonal().reshape(-1, 3).sum(axis=1), 3) * damping / 3 + 1e-9
-    system = square + diags_array(held)
+    system = (square + diags_array(held)).tobsr((3, 3))
     wanted = -(matrix.T @ (weight * planes.residuals.reshape(-1)))
-    return cg(system, wanted, M=diags_array(1 / system.diagonal()), **SOLVE)[0].reshape(-1, 3)
+    return cg(system, wanted, M=inverse_blocks(system), **SOLVE)[0].reshape(-1, 3)
+
+
+def inverse_blocks(system: bsr_array) -> bsr_array:
+    """The inverse of the blocks on the diagonal, which has one for each row of blocks."""
+    count = len(system.indptr) - 1
+    row = np.repeat(np.arange(count), np.diff(system.indptr))
+    blocks = np.linalg.inv(system.data[system.indices == row])
+    return bsr_array((blocks, np.arange(count), np.arange(count + 1)), shape=system.shape)
 
 
 def shortest_edges(surface: Surface) -> Float64[np.ndarray, " V"]:
