@@ -23,7 +23,7 @@ from assets.dual import Contour, Leaves, contour
 from assets.extract import Extraction
 from assets.field import Field, ask
 from assets.follow import across, find_start, follow_surface
-from assets.grid import CORNERS, CellSet, CornerValues, Grid, different, grown, make_grid, once
+from assets.grid import CORNERS, CellSet, CornerValues, Grid, different, grown, make_grid
 from assets.surface import Surface
 
 LARGE = 2  # small cells along a side of a large one
@@ -49,12 +49,10 @@ def trace_adaptively(
     angle = min(BEND * config.resolution / faces, LARGEST_BEND)
     leaves = refine(values, large, bends(values, large, angle))
     found = contour(values, leaves)
-    corners = [values.slots_of_cells(leaves.small), values.slots_of_cells(leaves.large, LARGE)]
     return Extraction(
         surface=lay(found, grid, sdf),
         cell_size=grid.cell_size,
         queries=start.queries + values.queries + len(found.vertices),
-        crossing_corners=len(once(np.concatenate(corners).reshape(-1), len(values.values))),
         attempts=start.attempts,
     )
 

@@ -35,7 +35,6 @@ class Extraction:
     surface: Surface
     cell_size: float  # metres
     queries: int  # points asked
-    crossing_corners: int  # corners of the cells that the surface crosses: no search can ask fewer
     attempts: int
 
 
@@ -60,12 +59,10 @@ def trace(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig) -
     grid = make_grid(np.asarray(bounds, dtype=np.float64), config.resolution)
     values = CornerValues(sdf, grid)
     start = find_start(values, config)
-    surface, corners = march(values, follow_surface(values, start.cells))
     return Extraction(
-        surface=surface,
+        surface=march(values, follow_surface(values, start.cells)),
         cell_size=grid.cell_size,
         queries=start.queries + values.queries,
-        crossing_corners=corners,
         attempts=start.attempts,
     )
 
@@ -83,8 +80,8 @@ def trace_whole(
     return trace(sdf, bounds, config)
 
 
-def march(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> tuple[Surface, int]:
-    """Marching cubes on crossed cells; also how many corners they have."""
+def march(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Surface:
+    """Marching cubes on crossed cells."""
     import igl
 
     cells = cells[np.argsort(values.grid.keys(cells))]  # the order of the grid, whatever the search did
@@ -96,4 +93,4 @@ def march(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> tuple[Surfac
     vertices, faces = igl.marching_cubes(values.values[slots], corners, place[index].astype(np.int64), 0.0)[
         :2
     ]
-    return Surface(vertices=np.asarray(vertices), faces=np.asarray(faces).astype(np.int64)), len(slots)
+    return Surface(vertices=np.asarray(vertices), faces=np.asarray(faces).astype(np.int64))
