@@ -9,6 +9,7 @@ texture's top left.
 """
 
 import io
+import os
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -23,7 +24,8 @@ from avatargen.errors import InputError
 
 NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
 ADOPTING_ROUNDS = 8
-SIDE_TO_PADDING = 112  # of the texture
+FINEST_PACKING = 768  # cells along the side of the grid that charts are packed on: time grows with its square
+SIDE_TO_PADDING = 109  # of that grid
 MARGIN = 1.5  # texels between a face packed alone and its cell's border
 
 
@@ -43,9 +45,14 @@ class AtlasConfig:
             raise InputError("atlas: a part's scale must lie in 0.1 to 10")
 
     @property
+    def packing(self) -> int:
+        """Cells along the side of the grid that charts are packed on."""
+        return min(self.texture_size, FINEST_PACKING)
+
+    @property
     def padding(self) -> int:
-        """Texels between charts: room for what smaller copies of the texture take in around one."""
-        return max(2, self.texture_size // SIDE_TO_PADDING)
+        """Cells between charts: room for what smaller copies of the texture take in around one."""
+        return max(2, self.packing // SIDE_TO_PADDING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,8 +75,51 @@ class Atlas:
             )
 
 
-def unwrap(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig | None = None) -> Atlas:
-    """Charts that do not cross from one part to another, at one density but for the parts' scales.
+class ChartProgram:
+    """xatlas in a process of its own, for one atlas; leaving the context ends it.
+
+    It takes a tenth of a second to start, so those who will need it may start it ahead.
+    """
+
+    def __init__(self) -> None:
+        command = [sys.executable, "-P", str(charts_program.__file__)]
+        pipe = subprocess.PIPE
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # more take time to start and have no work
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment)
+
+    def __enter__(self) -> "ChartProgram":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.process.kill()
+        with self.process:  # closes the pipes, and waits
+            pass
+
+    def run(self, arrays: dict[str, np.ndarray], time_limit: float) -> dict[str, np.ndarray]:
+        """Charts of meshes; arrays as in `assets.charts`.
+
+        Raises:
+            SubprocessError: it crashed or ran out of time (seconds).
+        """
+        stream = io.BytesIO()
+        np.savez(stream, **arrays)  # pyright: ignore
+        out, errors = self.process.communicate(stream.getvalue(), timeout=time_limit)
+        if self.process.returncode:
+            raise subprocess.CalledProcessError(
+                self.process.returncode, self.process.args, output=out, stderr=errors
+            )
+        with np.load(io.BytesIO(out)) as file:
+            return {name: file[name] for name in file.files}
+
+
+def unwrap(
+    surface: Surface,
+    parts: Int64[np.ndarray, " F"],
+    config: AtlasConfig | None = None,
+    program: ChartProgram | None = None,
+) -> Atlas:
+    """Charts that do not cross from one part to another, at one density but for the parts' scales; by a
+    program that has been started already, or a new one.
 
     Raises:
         GeometryError: parts that do not fit the faces.
@@ -80,12 +130,15 @@ def unwrap(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig
             f"atlas: {len(parts)} part labels for {len(surface.faces)} faces; give one a face"
         )
     try:
-        return chart_atlas(surface, parts, config)
+        with program or ChartProgram() as running:
+            return chart_atlas(surface, parts, config, running)
     except (GeometryError, subprocess.SubprocessError) as error:
         return plain_atlas(surface, parts, config, reason=str(error))
 
 
-def chart_atlas(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig) -> Atlas:
+def chart_atlas(
+    surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig, program: ChartProgram
+) -> Atlas:
     """xatlas's charts, one mesh a part.
 
     Raises:
@@ -94,7 +147,7 @@ def chart_atlas(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasC
     """
     labels = np.unique(parts)
     chosen = [np.flatnonzero(parts == label) for label in labels]
-    arrays = {"resolution": np.array(config.texture_size), "padding": np.array(config.padding)}
+    arrays = {"resolution": np.array(config.packing), "padding": np.array(config.padding)}
     originals = []
     for index, (label, faces) in enumerate(zip(labels, chosen, strict=True)):
         mesh = compact(surface.vertices, surface.faces[faces])
@@ -103,7 +156,7 @@ def chart_atlas(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasC
             np.float32
         )
         arrays[f"faces_{index}"] = mesh.faces.astype(np.uint32)
-    result = run_charts(arrays, config.time_limit * max(1.0, len(parts) / 10_000))
+    result = program.run(arrays, config.time_limit * max(1.0, len(parts) / 10_000))
     faces, uv, vertex_map, first = np.full(surface.faces.shape, -1), [], [], 0
     for index, (original, rows) in enumerate(zip(originals, chosen, strict=True)):
         split = result[f"faces_{index}"].astype(np.int64)
@@ -184,22 +237,6 @@ def unfold(
     away = -np.sign(np.einsum("nd,nd->n", across, uv_behind - uv_start))
     place = uv_start + along[:, None] * uv_edge + (away * rise)[:, None] * across
     return place, rise * np.linalg.norm(uv_edge, axis=1)
-
-
-def run_charts(arrays: dict[str, np.ndarray], time_limit: float) -> dict[str, np.ndarray]:
-    """Run xatlas in its own process.
-
-    Raises:
-        SubprocessError: it crashed or ran out of time.
-    """
-    stream = io.BytesIO()
-    np.savez(stream, **arrays)  # pyright: ignore
-    command = [sys.executable, "-P", str(charts_program.__file__)]
-    done = subprocess.run(
-        command, input=stream.getvalue(), capture_output=True, timeout=time_limit, check=True
-    )
-    with np.load(io.BytesIO(done.stdout)) as file:
-        return {name: file[name] for name in file.files}
 
 
 def check_atlas(surface: Surface, atlas: Atlas) -> None:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64, UInt8
-from scipy.ndimage import distance_transform_edt
 
 from assets.atlas import Atlas
 from assets.calm import AskTexels, ask_coarse_to_fine
 from assets.field import Field, ask
+from assets.nearest_texel import nearest_texels
 from assets.raster import coordinates, rasterise
 from assets.surface import Surface
 from avatargen.errors import InputError
@@ -105,11 +105,21 @@ def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfi
     """`bake` with the texture's coverage. Raises the same errors."""
     laid = lay_texels(atlas, config.texture_size)
 
+    offsets = sample_offsets(config.samples)
+
+    def sampled(
+        texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"]
+    ) -> Float64[np.ndarray, "K 3"]:
+        return np.clip(ask(color, laid.points(surface, texel, offset), 3), 0, 1)
+
     def paint(texel: Int64[np.ndarray, " K"]) -> UInt8[np.ndarray, "K 3"]:
-        light = np.zeros((len(texel), 3))
-        for offset in sample_offsets(config.samples):
-            light += to_linear(np.clip(ask(color, laid.points(surface, texel, offset), 3), 0, 1))
-        return np.rint(255 * to_srgb(light / config.samples**2)).astype(np.uint8)
+        mixed = sampled(texel, offsets[0])
+        if len(offsets) > 1:
+            light = to_linear(mixed)
+            for offset in offsets[1:]:
+                light += to_linear(sampled(texel, offset))
+            mixed = to_srgb(light / len(offsets))
+        return np.rint(255 * mixed).astype(np.uint8)
 
     texels = ask_coarse_to_fine(in_chunks(paint), laid.wanted(), 3)
     return Texture(texels=laid.spread(texels), coverage=laid.coverage)
@@ -140,11 +150,8 @@ def lay_texels(atlas: Atlas, size: int) -> Texels:
     triangles = atlas.uv[atlas.faces].astype(np.float64) * size
     face = cover_texels(triangles, size)
     covered = face >= 0
-    distance = np.zeros((size, size))
-    nearest = np.zeros((2, size, size), dtype=np.int32)
-    distance_transform_edt(~covered, return_indices=True, distances=distance, indices=nearest)
-    nearest = (nearest[0] * size + nearest[1]).reshape(-1).astype(np.int64)
-    near = distance.reshape(-1) <= FILTER_REACH
+    nearest, squared = (found.reshape(-1) for found in nearest_texels(covered))
+    near = squared <= FILTER_REACH**2
     return Texels(
         size=size,
         triangles=triangles,

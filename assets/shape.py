@@ -5,6 +5,7 @@ extract -> clean -> simplify -> skin -> fit, measure, rest
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from assets.adaptive import trace_adaptively
-from assets.atlas import Atlas, AtlasConfig, unwrap
+from assets.atlas import Atlas, AtlasConfig, ChartProgram, unwrap
 from assets.attach import Attachment, attach
 from assets.build_config import AvatarFields, BuildConfig
 from assets.clean import Cleaning, tidy
@@ -53,19 +54,19 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
     """The stages that make the mesh; charts are cut meanwhile."""
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
-    with clock("extract"):
-        extraction = find_surface(avatar, config.resolution, config.faces)
-    with clock("clean"):
-        cleaning = tidy(extraction.surface)
-    surface = cleaning.surface
-    if config.faces is not None:
-        with clock("simplify"):
-            surface = reduce(surface, avatar.sdf, config.faces)
-    atlas = None
-    with ThreadPoolExecutor(1) as beside:
-        charts = None
-        if "atlas" in clock.plan.stages:
-            charts = beside.submit(cut_charts, surface, body, config)
+    with ExitStack() as running:
+        program = running.enter_context(ChartProgram()) if "atlas" in clock.plan.stages else None
+        with clock("extract"):
+            extraction = find_surface(avatar, config.resolution, config.faces)
+        with clock("clean"):
+            cleaning = tidy(extraction.surface)
+        surface, charts, atlas = cleaning.surface, None, None
+        if config.faces is not None:
+            with clock("simplify"):
+                surface = reduce(surface, avatar.sdf, config.faces)
+        if program is not None:
+            beside = running.enter_context(ThreadPoolExecutor(1))
+            charts = beside.submit(cut_charts, surface, body, config, program)
         if config.faces is not None:
             with clock("fit"):
                 surface = settle(surface, avatar.sdf)
@@ -100,11 +101,11 @@ def find_surface(avatar: AvatarFields, resolution: int, faces: int | None) -> Ex
     return trace_whole(avatar.sdf, avatar.bounds, ExtractConfig(resolution=resolution, seeds=SEEDS), way)
 
 
-def cut_charts(surface: Surface, body: CanonicalBody, config: BuildConfig) -> Atlas:
+def cut_charts(surface: Surface, body: CanonicalBody, config: BuildConfig, program: ChartProgram) -> Atlas:
     """Charts of a surface whose vertices may still move a little, cut where other joints move it."""
     skin = skin_attached(attach(surface, body), body, SkinConfig())
     parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
-    return unwrap(surface, parts, atlas_config(body, config))
+    return unwrap(surface, parts, atlas_config(body, config), program)
 
 
 def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Float[np.ndarray, "J 3"]:

@@ -6,7 +6,7 @@ from shapes import BOX, PERSON_BOX, icosphere, person, torus
 
 from assets import atlas as atlas_stage
 from assets.adaptive import trace_adaptively
-from assets.atlas import Atlas, AtlasConfig, unwrap, uv_areas
+from assets.atlas import Atlas, AtlasConfig, ChartProgram, unwrap, uv_areas
 from assets.errors import GeometryError
 from assets.extract import ExtractConfig, extract
 from assets.raster import rasterise
@@ -111,15 +111,17 @@ def test_a_face_that_xatlas_leaves_out_leaves_no_vertices_behind(monkeypatch):
 def test_when_xatlas_fails_faces_are_packed_one_by_one(monkeypatch, failure):
     surface = icosphere(rounds=2)
 
-    def fail(arrays, time_limit):
+    def fail(self, arrays, time_limit):
         if failure == "slow":
             raise subprocess.TimeoutExpired("xatlas", time_limit)
-        if failure == "crash":
-            raise subprocess.CalledProcessError(-11, "xatlas")
         raise GeometryError("atlas: xatlas changed the faces")
 
-    monkeypatch.setattr(atlas_stage, "run_charts", fail)
-    atlas = unwrap(surface, parts_of(surface))
+    program = ChartProgram()
+    if failure == "crash":
+        program.process.kill()
+    else:
+        monkeypatch.setattr(ChartProgram, "run", fail)
+    atlas = unwrap(surface, parts_of(surface), program=program)
     assert atlas.plain
     require_whole(surface, atlas)
     assert len(atlas.uv) == 3 * len(surface.faces)
@@ -131,9 +133,16 @@ def test_a_real_time_limit_ends_the_program():
     assert "timed out" in atlas.plain
 
 
+def test_leaving_the_context_ends_an_idle_program():
+    with ChartProgram() as program:
+        assert program.process.poll() is None
+    assert program.process.poll() is not None
+
+
 def test_same_input_same_arrays():
+    """Whether the program has been started before or not."""
     surface = small_person(800)
-    first, second = (unwrap(surface, parts_of(surface)) for _ in range(2))
+    first, second = (unwrap(surface, parts_of(surface), None, program) for program in (None, ChartProgram()))
     assert np.array_equal(first.uv, second.uv)
     assert np.array_equal(first.vertex_map, second.vertex_map)
     assert np.array_equal(first.faces, second.faces)

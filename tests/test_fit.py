@@ -94,7 +94,7 @@ def test_planes_are_those_of_the_field():
 
 @pytest.mark.parametrize("damping", [0.2, FitConfig.damping])
 def test_moves_are_the_least_squares_solution(damping):
-    """Against a dense solve in float64; little damping leaves sliding along the surface nearly undetermined."""
+    """Against a dense solve in float64; little damping leaves sliding along the surface nearly free."""
     ball = icosphere(0.6, rounds=1)
     planes = tangent_planes(ball, sphere(0.61), uneven=0.2)
     pattern = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6
