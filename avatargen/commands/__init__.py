@@ -1,0 +1,7 @@
+"""The commands. Here numpy's products are small: more threads than one gain nothing, and once woken they spin on
+the cores that the field and xatlas could use, a sixth of all processor time. numpy reads this when it is first
+imported."""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
