@@ -16,7 +16,7 @@ may turn or become thin.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 from scipy.sparse import bsr_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
@@ -40,6 +40,7 @@ class FitConfig:
 
     rounds: int = 1
     damping: float = 1e-4  # enough to solve for; more holds vertices where sliding would serve
+    damping_where_uneven: float = 0.01  # there the planes tell little of what a vertex would slide to
     largest_move: float = 0.3  # of the shortest edge at the vertex, or ...
     overshoot: float = 1.5  # ... of the largest residual there: an edge is farther than its faces
     uneven: float = (
@@ -55,6 +56,7 @@ class Planes:
 
     normals: Float64[np.ndarray, "F 3 3"]
     residuals: Float64[np.ndarray, "F 3"]  # metres from the plane to the point
+    uneven: Bool[np.ndarray, " F"]  # whether a face's planes differ
 
 
 def fit(surface: Surface, sdf: Field, config: FitConfig | None = None) -> Surface:
@@ -66,7 +68,9 @@ def fit(surface: Surface, sdf: Field, config: FitConfig | None = None) -> Surfac
     config = config or FitConfig()
     for _ in range(config.rounds):
         planes = tangent_planes(surface, sdf, config.uneven)
-        move = best_moves(surface, planes, config.damping)
+        damping = np.full(len(surface.vertices), config.damping)
+        damping[surface.faces[planes.uneven]] = config.damping_where_uneven
+        move = best_moves(surface, planes, damping)
         limit = np.maximum(
             config.largest_move * shortest_edges(surface),
             config.overshoot * largest_residuals(surface, planes),
@@ -103,6 +107,7 @@ def tangent_planes(surface: Surface, sdf: Field, uneven: float) -> Planes:
     return Planes(
         normals=gradient / np.maximum(slope, 1e-12)[..., None],
         residuals=value / np.maximum(slope, flattest),
+        uneven=bent,
     )
 
 
@@ -126,7 +131,9 @@ def gradients(
     return (ahead.reshape(points.shape) - value[..., None]) / STEP
 
 
-def best_moves(surface: Surface, planes: Planes, damping: float) -> Float64[np.ndarray, "V 3"]:
+def best_moves(
+    surface: Surface, planes: Planes, damping: Float64[np.ndarray, " V"]
+) -> Float64[np.ndarray, "V 3"]:
     """The least-squares moves, metres, by conjugate gradients.
 
     A vertex on a flat part is held across it alone, so its three equations differ a hundredfold in weight:
@@ -140,7 +147,7 @@ def best_moves(surface: Surface, planes: Planes, damping: float) -> Float64[np.n
     ends = np.arange(len(weight) + 1, dtype=np.int32) * entries[0, 0].size
     matrix = csr_array((entries.reshape(-1), columns.reshape(-1), ends), shape=(len(weight), size))
     square = csr_array(matrix.T @ diags_array(weight) @ matrix)
-    held = np.repeat(square.diagonal().reshape(-1, 3).sum(axis=1), 3) * damping / 3 + 1e-9
+    held = np.repeat(square.diagonal().reshape(-1, 3).sum(axis=1) * damping, 3) / 3 + 1e-9
     system = (square + diags_array(held)).tobsr((3, 3))
     wanted = -(matrix.T @ (weight * planes.residuals.reshape(-1)))
     return cg(system, wanted, M=inverse_blocks(system), **SOLVE)[0].reshape(-1, 3)

@@ -1,6 +1,8 @@
-"""The commands. Here numpy's products are small: more threads than one gain nothing, and once woken they spin on
-the cores that the field and xatlas could use, a sixth of all processor time. numpy reads this when it is first
-imported."""
+"""The commands.
+
+numpy's products are small here: more threads than one gain nothing, and once woken they spin on the cores
+that the field and xatlas could use, a sixth of all processor time. numpy reads this as it is first imported.
+"""
 
 import os
 
