@@ -1,4 +1,4 @@
-"""Which pixels a triangle covers, for textures and preview pictures: plain numpy, all triangles at once.
+"""Which pixels a triangle covers, for textures and preview pictures.
 
 Letters: T triangles, N fragments (a triangle over the centre of a pixel), S pixels along a side. Positions
 are in pixels, x right and y down from the top left corner; the centre of pixel (x, y) is at (x + 0.5, y +
@@ -11,8 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from avatargen.compiled import compiled
+
 MOST_PIXELS = 4_000_000  # looked at in one go
 ON_EDGE = 1e-7  # in barycentric coordinates: neighbours leave no gap between them
+FLAT = 1e-12  # square pixels of a triangle without area
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,36 +33,32 @@ def rasterise(triangles: Float64[np.ndarray, "T 3 2"], width: int, height: int) 
         return
     low = np.clip(np.ceil(triangles.min(axis=1) - 0.5), 0, [width, height]).astype(np.int64)
     high = np.clip(np.floor(triangles.max(axis=1) - 0.5), -1, [width - 1, height - 1]).astype(np.int64)
-    extent = np.maximum(high - low + 1, 0)
-    pixels = extent.prod(axis=1)
+    pixels = np.maximum(high - low + 1, 0).prod(axis=1)
+    weights = linear_weights(triangles)
     piece = np.cumsum(pixels) // MOST_PIXELS
     starts = np.flatnonzero(np.diff(piece, prepend=-1))
     for first, last in zip(starts, [*starts[1:], len(pixels)], strict=True):
-        chosen = np.arange(first, last)
-        yield cover(triangles, low, extent, chosen, width)
+        most = int(pixels[first:last].sum())
+        triangle, pixel = np.empty(most, np.int64), np.empty(most, np.int64)
+        barycentric = np.empty((most, 3))
+        count = cover(weights, low, high, first, last, width, triangle, pixel, barycentric)
+        yield Fragments(triangle=triangle[:count], pixel=pixel[:count], barycentric=barycentric[:count])
 
 
-def cover(
-    triangles: Float64[np.ndarray, "T 3 2"],
-    low: Int64[np.ndarray, "T 2"],
-    extent: Int64[np.ndarray, "T 2"],
-    chosen: Int64[np.ndarray, " K"],
-    width: int,
-) -> Fragments:
-    """Fragments of the chosen triangles, out of the boxes of pixels around them."""
-    counts = extent[chosen].prod(axis=1)
-    triangle = np.repeat(chosen, counts)
-    within = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
-    row, column = np.divmod(within, np.maximum(extent[triangle, 0], 1))
-    x, y = low[triangle, 0] + column, low[triangle, 1] + row
-    b, c = weights(triangles, triangle, x + 0.5, y + 0.5)
-    inside = np.flatnonzero((b >= -ON_EDGE) & (c >= -ON_EDGE) & (b + c <= 1 + ON_EDGE))
-    b, c = b[inside], c[inside]
-    return Fragments(
-        triangle=triangle[inside],
-        pixel=(y[inside] * width + x[inside]),
-        barycentric=np.stack([1 - b - c, b, c], axis=1),
-    )
+def cover(weights, low, high, first, last, width, triangle, pixel, barycentric):
+    """Fill in the fragments of some triangles, out of the boxes of pixels around them; how many there are."""
+    count = 0
+    for t in range(first, last):
+        (bx, by, b0), (cx, cy, c0) = weights[t]
+        for row in range(low[t, 1], high[t, 1] + 1):
+            for column in range(low[t, 0], high[t, 0] + 1):
+                x, y = column + 0.5, row + 0.5
+                b, c = bx * x + by * y + b0, cx * x + cy * y + c0
+                if b >= -ON_EDGE and c >= -ON_EDGE and b + c <= 1 + ON_EDGE:
+                    triangle[count], pixel[count] = t, row * width + column
+                    barycentric[count, 0], barycentric[count, 1], barycentric[count, 2] = 1 - b - c, b, c
+                    count += 1
+    return count
 
 
 def coordinates(
@@ -69,22 +68,20 @@ def coordinates(
 ) -> Float64[np.ndarray, "N 3"]:
     """Barycentric coordinates of points in triangles, outside 0..1 beyond them; NaN in triangles without
     area."""
-    b, c = weights(triangles, triangle, points[:, 0], points[:, 1])
+    x, y = np.ascontiguousarray(points.T)
+    weights = np.ascontiguousarray(linear_weights(triangles).transpose(1, 2, 0))
+    b, c = (by_x[triangle] * x + by_y[triangle] * y + rest[triangle] for by_x, by_y, rest in weights)
     return np.stack([1 - b - c, b, c], axis=1)
 
 
-def weights(
-    triangles: Float64[np.ndarray, "T 3 2"],
-    triangle: Int64[np.ndarray, " N"],
-    x: Float64[np.ndarray, " N"],
-    y: Float64[np.ndarray, " N"],
-) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, " N"]]:
-    """Barycentric weights of the second and the third corner, linear in x and y."""
+def linear_weights(triangles: Float64[np.ndarray, "T 3 2"]) -> Float64[np.ndarray, "T 2 3"]:
+    """The second and the third corner's barycentric weights as functions of x, y and 1."""
     a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    scale = np.where(np.abs(area) > 1e-12, 1 / np.where(np.abs(area) > 1e-12, area, 1.0), np.nan)
-    found = []
-    for across in (np.stack([v[:, 1], -v[:, 0]]) * scale, np.stack([-u[:, 1], u[:, 0]]) * scale):
-        at_origin = -(across[0] * a[:, 0] + across[1] * a[:, 1])
-        found.append(across[0][triangle] * x + across[1][triangle] * y + at_origin[triangle])
-    return found[0], found[1]
+    scale = np.where(np.abs(area) > FLAT, 1 / np.where(np.abs(area) > FLAT, area, 1.0), np.nan)
+    slopes = np.stack([v[:, 1], -v[:, 0], -u[:, 1], u[:, 0]], axis=1).reshape(-1, 2, 2)
+    slopes = slopes * scale[:, None, None]
+    return np.concatenate([slopes, -(slopes @ a[:, :, None])], axis=2)
+
+
+cover = compiled(cover)
