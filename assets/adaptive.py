@@ -27,7 +27,7 @@ from assets.grid import CORNERS, CellSet, CornerValues, Grid, different, grown, 
 from assets.surface import Surface
 
 LARGE = 2  # small cells along a side of a large one
-BEND = 7.8  # radians between the normals of neighbours, times faces left, over small cells along the box
+BEND = 11.5  # radians between the normals of neighbours, times faces left, over small cells along the box
 LARGEST_BEND = 0.3  # radians: more hides sheets
 LARGEST_STEP = 0.5  # of a small cell, onto the zero level
 AROUND = (0, -LARGE)  # the low ends of the large cells around an edge, along each other axis
