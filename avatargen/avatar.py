@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -26,13 +25,17 @@ from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import GeneratorConfig, PlanesConfig, body_hash
-from avatargen.generator.decoder import BodyPoints, PartLayers, body_points, fit_reach, interpolate
+from avatargen.generator.decoder import body_points, fit_reach, interpolate
+from avatargen.generator.gathering import Gathering, gathering_of
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.planes import lookup_bilinear, plane_table
+from avatargen.generator.person_field import PersonField
+from avatargen.generator.planes import plane_table
 from avatargen.threads import spread
 
 LARGEST_SEED = 2**63 - 1
 CPU_CHUNK = 1 << 13  # points that go through the network at once: stays in a core's cache
+WORTH_A_THREAD = 1 << 10  # points
+FEWEST_CHUNKS = 4  # of points that are worth as many threads
 GPU_CHUNK = 1 << 18
 BOX_MARGIN = 0.05  # metres around the body that an avatar's box always has
 
@@ -45,28 +48,6 @@ class AvatarInfo:
     weights_hash: str
     version: str
     licence: str
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PersonField:
-    """One person's field: its planes, cached as a table, and its own layers, on the shared body."""
-
-    generator: AvatarGenerator
-    distance: BodyDistance
-    w: Float[Tensor, "1 D"]
-    table: Float[Tensor, "T C"]
-    layers: tuple[PartLayers, ...]
-    offset: Float[Tensor, "3"]  # metres from a point to where the generator's own body has it
-
-    def ask(
-        self, points: Float[Tensor, "N 3"], body: BodyPoints, heads: Literal["shape", "color"]
-    ) -> Float[Tensor, "1 N outputs"]:
-        """A head of the decoder at canonical points."""
-        points = points + self.offset
-        generator = self.generator
-        features = lookup_bilinear(self.table, generator.frame(points))
-        x = generator.decoder.inputs(features[None], generator.frame.centered(points)[None], body)
-        return generator.decoder(x, points[None], self.layers, heads)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,17 +74,12 @@ class Avatar:
         Raises:
             FieldError: a point or a value is NaN or infinite.
         """
-
-        def distance(points: Tensor, body: BodyPoints) -> Tensor:
-            shape = self.field.ask(points, body, "shape")
-            return self.field.generator.decoder.signed_distance(shape, body.distance)[0]
-
         low, high = torch.from_numpy(self.bounds).to(points)
         within = points.clamp(low, high)
         beyond = (points - within).norm(dim=1)
         if not torch.isfinite(beyond).all():
             within = points  # which is refused
-        return self.evaluate(within, distance, "signed distance") + beyond.float()
+        return self.evaluate(within, self.field.sdf, "signed distance") + beyond.float()
 
     @torch.inference_mode()
     def color(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
@@ -112,32 +88,26 @@ class Avatar:
         Raises:
             FieldError: a point or a value is NaN or infinite.
         """
+        return self.evaluate(points, self.field.color, "colour").clamp(0, 1)
 
-        def color(points: Tensor, body: BodyPoints) -> Tensor:
-            return self.field.ask(points, body, "color")[0]
-
-        return self.evaluate(points, color, "colour").clamp(0, 1)
-
-    def evaluate(self, points: Tensor, head: Callable[[Tensor, BodyPoints], Tensor], what: str) -> Tensor:
-        """Ask a head of the field at any number of points, in chunks of neighbours; one query of the body
-        serves each point."""
+    def evaluate(self, points: Tensor, field: Callable[[np.ndarray], np.ndarray], what: str) -> Tensor:
+        """Ask the field at any number of points, in chunks of neighbours."""
         device = self.field.w.device
-        faces = torch.from_numpy(self.body.faces).to(device)
         given = points.to("cpu", torch.float32).numpy()
         if not np.isfinite(given).all():
             raise FieldError("avatar: points hold NaN or infinity; ask at finite points")
         order = near_order(given)
 
-        @torch.inference_mode()
         def answer(index: np.ndarray) -> np.ndarray:
-            chunk = given[index]
-            body = body_points(self.field.distance.query_in_order(chunk), faces)
-            return head(torch.from_numpy(chunk).to(device), body).cpu().numpy()
+            return field(given[index])
 
-        size = CPU_CHUNK if device.type == "cpu" else GPU_CHUNK
-        chunks = [order[start : start + size] for start in range(0, max(len(order), 1), size)]
+        on_cpu = device.type == "cpu"
+        count = -(-len(order) // (CPU_CHUNK if on_cpu else GPU_CHUNK))
+        if on_cpu:
+            count = max(count, min(FEWEST_CHUNKS, len(order) // WORTH_A_THREAD))
+        chunks = np.array_split(order, max(count, 1))
         # numpy joins them: torch's own threads, once woken, would stand in the way of these for a while
-        found = np.concatenate(spread(answer, chunks) if device.type == "cpu" else list(map(answer, chunks)))
+        found = np.concatenate(spread(answer, chunks) if on_cpu else list(map(answer, chunks)))
         values = np.empty_like(found)
         values[order] = found
         if not np.isfinite(values).all():
@@ -152,6 +122,7 @@ class AvatarSampler:
     generator: AvatarGenerator
     body: CanonicalBody
     distance: BodyDistance
+    gathering: Gathering | None
     offset: Float[Tensor, "3"]
     bounds: Float32[np.ndarray, "2 3"]
     own_body: (
@@ -186,6 +157,8 @@ class AvatarSampler:
             field=PersonField(
                 generator=self.generator,
                 distance=self.distance,
+                faces=torch.from_numpy(self.body.faces).to(device),
+                gathering=self.gathering,
                 w=w,
                 table=plane_table(self.generator.planes(w))[0].contiguous(),
                 layers=self.generator.layers(w),
@@ -226,10 +199,12 @@ def load_generator(
         trained = trained_body(config.body_hash)
         offset = torch.from_numpy(trained.joints[0] - canonical.joints[0])
         carry_vertex_features(generator, trained, canonical, offset.numpy())
+    on_cpu = torch.device(device).type == "cpu"
     return AvatarSampler(
         generator=generator.to(device).requires_grad_(False),
         body=canonical,
         distance=canonical.distance,
+        gathering=gathering_of(generator.decoder, generator.frame, canonical.faces) if on_cpu else None,
         offset=offset.to(device),
         bounds=box_around(canonical, config.planes, offset.numpy()),
         own_body=own_body,

@@ -11,7 +11,13 @@ from assets.pipeline import build_content
 from assets.surface import Surface, find_defects
 from avatargen.avatar import Avatar, AvatarSampler
 from avatargen.commands.bench.cost import Cost, measured
-from avatargen.commands.bench.peer import PeerConfig, run_peer, with_cheap_distance, with_libigl
+from avatargen.commands.bench.peer import (
+    PeerConfig,
+    run_peer,
+    with_cheap_distance,
+    with_distance,
+    with_libigl,
+)
 from avatargen.commands.bench.sweep import default_surface
 from avatargen.commands.bench.truth import Truth, match
 from exporters.glb import encode
@@ -51,7 +57,7 @@ def compare(
     name = f"dense {peer.resolution}³"
     people = {
         name: with_libigl(avatar),
-        f"{name}, our distance": avatar,
+        f"{name}, our distance": with_distance(avatar, avatar.field.distance),
         f"{name}, cheap distance": with_cheap_distance(avatar),
     }
     for recipe, person in people.items():

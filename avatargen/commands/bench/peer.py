@@ -119,7 +119,9 @@ def with_cheap_distance(avatar: Avatar) -> Avatar:
 
 
 def with_distance(avatar: Avatar, distance: BodyDistance) -> Avatar:
-    return dataclasses.replace(avatar, field=dataclasses.replace(avatar.field, distance=distance))
+    """The same person on another distance, with networks as relatives ask them: by torch alone."""
+    field = dataclasses.replace(avatar.field, distance=distance, gathering=None)
+    return dataclasses.replace(avatar, field=field)
 
 
 def run_peer(avatar: Avatar, config: PeerConfig) -> PeerResult:

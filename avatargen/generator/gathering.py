@@ -1,0 +1,241 @@
+"""What the field's networks read at many points, gathered by compiled code: a few passes over memory in place
+of many torch calls, in rows that lie in the order of the parts whose networks read them.
+
+The same numbers as `Decoder.inputs` and `Shares` give, to float32's rounding.
+
+Letters: N points, M rows (a point in two parts has two), I inputs, P parts, S places, C plane channels,
+T texels, V body vertices, F its faces, K features, J knots. Metres.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float32, Float64, Int64
+
+from avatargen.body.distance import BodyHit
+from avatargen.compiled import compiled
+from avatargen.generator.decoder import DISTANCE_SCALES, PLANE_GAIN, Decoder
+from avatargen.generator.parts import LEAST
+from avatargen.generator.planes import PlaneFrame
+
+FAR = 20.0  # a place whose exponent is so much smaller than the largest weighs less than float32 can tell
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """Inputs of the networks, part after part, and what each row counts for."""
+
+    inputs: Float32[np.ndarray, "M I"]
+    point: Int64[np.ndarray, " M"]
+    share: Float32[np.ndarray, " M"]
+    ends: Int64[np.ndarray, " P"]  # where each part's rows end
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gathering:
+    """What all people share of it: the planes' frame, the parts' places, and features on the body."""
+
+    low: Float64[np.ndarray, "3"]
+    size: Float64[np.ndarray, "3"]
+    knots: Float64[np.ndarray, "J 3"]
+    slopes: Float64[np.ndarray, "J 3"]
+    slope: Float64[np.ndarray, "S 3"]  # a place's exponent is slope . point + level
+    level: Float64[np.ndarray, " S"]
+    owner: Int64[np.ndarray, " S"]  # the place's part
+    parts: int
+    faces: Int64[np.ndarray, "F 3"]
+    features: Float32[np.ndarray, "V K"]
+    inverse_reach: Float64[np.ndarray, " V"]
+    frequencies: int
+
+    def rows(
+        self, points: Float64[np.ndarray, "N 3"], hit: BodyHit, table: Float32[np.ndarray, "T C"]
+    ) -> Rows:
+        """The networks' rows at points of the generator's space."""
+        shares = np.empty((len(points), self.parts), np.float32)
+        share_parts(points, self.slope, self.level, self.owner, shares)
+        ends = (shares > 0).sum(axis=0).cumsum()
+        point, first = np.empty(ends[-1], np.int64), np.empty(len(points), np.int64)
+        share = np.empty(ends[-1], np.float32)
+        place_rows(shares, ends, point, share, first)
+        widths = (table.shape[1], len(DISTANCE_SCALES) + 1, self.features.shape[1], 3 * self.waves)
+        to_distance, to_vertices, to_place, width = np.cumsum(widths)
+        inputs = np.empty((ends[-1], width), np.float32)
+        place = (points - self.low) / self.size
+        fill_planes(place, self.knots, self.slopes, table, first, inputs)
+        inputs[first, to_distance] = 10 * hit.distance
+        for column, scale in enumerate(DISTANCE_SCALES, to_distance + 1):
+            inputs[first, column] = np.tanh(hit.distance / scale)
+        near = (hit.distance, self.faces[hit.face], hit.barycentric, self.features, self.inverse_reach)
+        fill_vertices(*near, first, inputs, to_vertices)
+        if self.frequencies:
+            angle = np.pi * (2 * place - 1)
+            fill_place(angle, np.sin(angle), np.cos(angle), first, inputs, to_place)
+        copy_rows(inputs, point, first)
+        return Rows(inputs=inputs, point=point, share=share, ends=ends)
+
+    @property
+    def waves(self) -> int:
+        """Inputs for each coordinate of a point: itself, sines and cosines."""
+        return 1 + 2 * self.frequencies if self.frequencies else 0
+
+
+def gathering_of(decoder: Decoder, frame: PlaneFrame, faces: Int64[np.ndarray, "F 3"]) -> Gathering:
+    """The arrays of a trained decoder."""
+
+    def exact(values: torch.Tensor) -> Float64[np.ndarray, "..."]:
+        return np.ascontiguousarray(values.detach().cpu().numpy(), dtype=np.float64)
+
+    features, reach = np.zeros((0, 0), np.float32), np.zeros(0)
+    if decoder.config.vertex_features:
+        features = exact(decoder.vertex_features).astype(np.float32)
+        reach = exact(decoder.inverse_reach)
+    slope, level, owner = np.zeros((1, 3)), np.zeros(1), np.ones((1, 1))  # one part for the whole body
+    if decoder.shares is not None:
+        slope, level = exact(decoder.shares.slope.T), exact(decoder.shares.level)
+        owner = exact(decoder.shares.owner)
+    return Gathering(
+        low=exact(frame.low),
+        size=exact(frame.size),
+        knots=exact(frame.knots),
+        slopes=exact(frame.slopes),
+        slope=slope,
+        level=level,
+        owner=owner.argmax(axis=1),
+        parts=owner.shape[1],
+        faces=faces,
+        features=features,
+        inverse_reach=reach,
+        frequencies=decoder.config.frequencies,
+    )
+
+
+def share_parts(points, slope, level, owner, shares):
+    """Fill in [N P] shares, as `avatargen.generator.parts.Shares` has them."""
+    exponent, weight = np.empty(len(level)), np.empty(shares.shape[1])
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        largest = -np.inf
+        for s in range(len(level)):
+            exponent[s] = slope[s, 0] * x + slope[s, 1] * y + slope[s, 2] * z + level[s]
+            largest = max(largest, exponent[s])
+        weight[:] = 0
+        for s in range(len(level)):
+            if exponent[s] > largest - FAR:
+                weight[owner[s]] += math.exp(exponent[s] - largest)
+        total, kept = weight.sum(), 0.0
+        for part in range(len(weight)):
+            weight[part] = max(weight[part] / total - LEAST, 0.0) ** 2
+            kept += weight[part]
+        for part in range(len(weight)):
+            shares[i, part] = weight[part] / kept
+
+
+def place_rows(shares, ends, point, share, first):
+    """Fill in each row's point and share, and the first row of each point."""
+    row = np.zeros(len(ends), np.int64)
+    row[1:] = ends[:-1]
+    for i in range(len(shares)):
+        first[i] = -1
+        for part in range(len(ends)):
+            if shares[i, part] > 0:
+                point[row[part]], share[row[part]] = i, shares[i, part]
+                if first[i] < 0:
+                    first[i] = row[part]
+                row[part] += 1
+
+
+def texel_of(place, knots, slopes, axis, resolution):
+    """The texel below a place of 0..1 along an axis, and the fraction toward the next."""
+    place = min(max(place, 0.0), 1.0)
+    warped = 0.0
+    for j in range(len(knots)):
+        warped += max(place - knots[j, axis], 0.0) * slopes[j, axis]
+    texel = min(max(warped * resolution - 0.5, 0.0), resolution - 1.0)
+    lower = min(int(texel), resolution - 2)
+    return lower, texel - lower
+
+
+def corners_of(u, v):
+    """The weights of a plane's four texels."""
+    u, v, w = np.float32(u), np.float32(v), np.float32(PLANE_GAIN)
+    one = np.float32(1)
+    return (one - u) * (one - v) * w, u * (one - v) * w, (one - u) * v * w, u * v * w
+
+
+def fill_planes(place, knots, slopes, table, first, inputs):
+    """Fill in the sums of the three planes' bilinear samples, in the first columns."""
+    size = round(math.sqrt(len(table) / 3))
+    for i in range(len(place)):
+        x, u = texel_of(place[i, 0], knots, slopes, 0, size)
+        y, v = texel_of(place[i, 1], knots, slopes, 1, size)
+        z, w = texel_of(place[i, 2], knots, slopes, 2, size)
+        p, q, r = y * size + x, (size + z) * size + y, (2 * size + z) * size + x
+        p00, p01, p10, p11 = corners_of(u, v)
+        q00, q01, q10, q11 = corners_of(v, w)
+        r00, r01, r10, r11 = corners_of(u, w)
+        row = first[i]
+        for c in range(table.shape[1]):
+            value = p00 * table[p, c] + p01 * table[p + 1, c]
+            value += p10 * table[p + size, c] + p11 * table[p + size + 1, c]
+            value += q00 * table[q, c] + q01 * table[q + 1, c]
+            value += q10 * table[q + size, c] + q11 * table[q + size + 1, c]
+            value += r00 * table[r, c] + r01 * table[r + 1, c]
+            value += r10 * table[r + size, c] + r11 * table[r + size + 1, c]
+            inputs[row, c] = value
+
+
+def fill_vertices(distance, corners, barycentric, features, inverse_reach, first, inputs, start):
+    """Fill in, from column `start`, the features at the closest body points, faded out before these jump."""
+    for i in range(len(distance) if features.shape[1] else 0):
+        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
+        of_a, of_b, of_c = barycentric[i, 0], barycentric[i, 1], barycentric[i, 2]
+        reach = of_a * inverse_reach[a] + of_b * inverse_reach[b] + of_c * inverse_reach[c]
+        share = min(max(distance[i], 0.0) * reach, 1.0)
+        fade = np.float32((1 - share * share) ** 2)
+        of_a, of_b, of_c = fade * of_a, fade * of_b, fade * of_c
+        row = first[i]
+        for k in range(features.shape[1]):
+            inputs[row, start + k] = of_a * features[a, k] + of_b * features[b, k] + of_c * features[c, k]
+
+
+def fill_place(angle, sine, cosine, first, inputs, start):
+    """Fill in, from column `start`, the place in the box, -1..1, and its sines and cosines at pi, 2 pi, 4 pi
+    ..., each by the double angle of the one before."""
+    count = (inputs.shape[1] - start) // 6
+    for i in range(len(angle)):
+        row = first[i]
+        for axis in range(3):
+            inputs[row, start + axis] = angle[i, axis] / math.pi
+            s, c = sine[i, axis], cosine[i, axis]
+            for k in range(count):
+                inputs[row, start + 3 + 3 * k + axis] = s
+                inputs[row, start + 3 + 3 * (count + k) + axis] = c
+                s, c = 2 * s * c, 1 - 2 * s * s
+
+
+def copy_rows(inputs, point, first):
+    """Fill in the further rows of points in more than one part."""
+    for row in range(len(point)):
+        if first[point[row]] != row:
+            inputs[row] = inputs[first[point[row]]]
+
+
+def blend(values, point, share, total):
+    """Add rows' values to their points', by their shares."""
+    for row in range(len(values)):
+        for k in range(values.shape[1]):
+            total[point[row], k] += share[row] * values[row, k]
+
+
+texel_of = compiled(texel_of, inline="always")
+corners_of = compiled(corners_of, inline="always")
+share_parts = compiled(share_parts)
+place_rows = compiled(place_rows)
+fill_planes = compiled(fill_planes)
+fill_vertices = compiled(fill_vertices)
+fill_place = compiled(fill_place)
+copy_rows = compiled(copy_rows)
+blend = compiled(blend)
