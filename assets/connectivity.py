@@ -5,7 +5,7 @@ Letters: V vertices, F faces, E directed edges; edge i of a face runs from its c
 
 import numpy as np
 
-from avatargen.compiled import compiled
+from avatargen.compiled import compiled, inner
 
 
 def end_of(flat, edge):
@@ -97,9 +97,9 @@ def label(faces, vertex_count):
     return count, parent
 
 
-end_of = compiled(end_of, inline="always")
-previous = compiled(previous, inline="always")
-ordered = compiled(ordered)
+end_of = inner(end_of, inline="always")
+previous = inner(previous, inline="always")
+ordered = inner(ordered)
 match_edges = compiled(match_edges)
 count_split = compiled(count_split)
 label = compiled(label)

@@ -21,7 +21,7 @@ import numpy as np
 
 from assets.connectivity import end_of, previous
 from assets.surface import Surface, compact, opposite_edges
-from avatargen.compiled import compiled
+from avatargen.compiled import compiled, inner
 
 # heights over longest edges, under which a face has no area to speak of, and its normal says nothing
 NO_AREA, FLAT = 1e-4, 0.02
@@ -270,15 +270,15 @@ def left(start, alive, count):
     return faces
 
 
-cross = compiled(cross, inline="always")
+cross = inner(cross, inline="always")
 quadrics = compiled(quadrics)
-best_point = compiled(best_point, forceinline=True)
-bucket_of = compiled(bucket_of, forceinline=True)
-may_join = compiled(may_join, forceinline=True)
-spoils = compiled(spoils, forceinline=True)
-push = compiled(push, forceinline=True)
-link = compiled(link)
-shrink = compiled(shrink, forceinline=True)
-wake = compiled(wake, forceinline=True)
-left = compiled(left)
+best_point = inner(best_point, forceinline=True)
+bucket_of = inner(bucket_of, forceinline=True)
+may_join = inner(may_join, forceinline=True)
+spoils = inner(spoils, forceinline=True)
+push = inner(push, forceinline=True)
+link = inner(link)
+shrink = inner(shrink, forceinline=True)
+wake = inner(wake, forceinline=True)
+left = inner(left)
 collapse = compiled(collapse)

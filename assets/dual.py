@@ -23,7 +23,7 @@ from jaxtyping import Float64, Int64
 
 from assets.grid import CornerValues
 from avatargen.body.distance import near_order
-from avatargen.compiled import compiled
+from avatargen.compiled import compiled, inner
 
 EDGES, WITH_HALVED_SIDES = 12, 36
 HALVED = -1  # in the place of a large cell's number
@@ -379,24 +379,24 @@ SIDE_EDGES = np.array(
     [[edge_between(ring[k], ring[(k + 1) % 4]) for k in range(4)] for ring in RINGS.tolist()]
 )  # between each corner of a ring and the next
 SHEETS, SHEET_OF_EDGE = number_sheets()
-enters = compiled(enters, forceinline=True)
-way_out = compiled(way_out, forceinline=True)
-beside = compiled(beside, forceinline=True)
-slot_of = compiled(slot_of, forceinline=True)
-number_at = compiled(number_at, forceinline=True)
-case_of = compiled(case_of, forceinline=True)
+enters = inner(enters, forceinline=True)
+way_out = inner(way_out, forceinline=True)
+beside = inner(beside, forceinline=True)
+slot_of = inner(slot_of, forceinline=True)
+number_at = inner(number_at, forceinline=True)
+case_of = inner(case_of, forceinline=True)
 sheets_of_small = compiled(sheets_of_small)
-root = compiled(root, forceinline=True)
-join = compiled(join, forceinline=True)
-edge_of_quarter = compiled(edge_of_quarter, forceinline=True)
-join_side = compiled(join_side)
-join_halved_side = compiled(join_halved_side)
+root = inner(root, forceinline=True)
+join = inner(join, forceinline=True)
+edge_of_quarter = inner(edge_of_quarter, forceinline=True)
+join_side = inner(join_side)
+join_halved_side = inner(join_halved_side)
 sheets_of_large = compiled(sheets_of_large)
-edge_in_large = compiled(edge_in_large, forceinline=True)
-cell_around = compiled(cell_around, forceinline=True)
-vertex_at = compiled(vertex_at, forceinline=True)
-slope_of = compiled(slope_of, forceinline=True)
-look_around = compiled(look_around, forceinline=True)
-add_slope = compiled(add_slope, forceinline=True)
-add_crossing = compiled(add_crossing, forceinline=True)
+edge_in_large = inner(edge_in_large, forceinline=True)
+cell_around = inner(cell_around, forceinline=True)
+vertex_at = inner(vertex_at, forceinline=True)
+slope_of = inner(slope_of, forceinline=True)
+look_around = inner(look_around, forceinline=True)
+add_slope = inner(add_slope, forceinline=True)
+add_crossing = inner(add_crossing, forceinline=True)
 cross_edges = compiled(cross_edges)

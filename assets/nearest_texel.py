@@ -10,7 +10,7 @@ Letters: H rows, W columns.
 import numpy as np
 from jaxtyping import Bool, Int64
 
-from avatargen.compiled import compiled
+from avatargen.compiled import compiled, inner
 
 FAR = 1 << 20  # more texels than a side has
 
@@ -28,13 +28,15 @@ def nearest_texels(
 def search_columns(marked):
     """[H W] the row of the nearest marked texel in the same column; far away where there is none."""
     height, width = marked.shape
-    row = np.empty((height, width), np.int64)
-    last = np.full(width, -FAR)
+    row, last = np.empty((height, width), np.int64), np.empty(width, np.int64)
+    for x in range(width):
+        last[x] = -FAR
     for y in range(height):
         for x in range(width):
             last[x] = y if marked[y, x] else last[x]
             row[y, x] = last[x]
-    last[:] = FAR
+    for x in range(width):
+        last[x] = FAR
     for y in range(height - 1, -1, -1):
         for x in range(width):
             last[x] = y if marked[y, x] else last[x]
@@ -76,5 +78,5 @@ def lowest_parabolas(row, y, column, start):
 
 
 search_columns = compiled(search_columns)
-lowest_parabolas = compiled(lowest_parabolas)
+lowest_parabolas = inner(lowest_parabolas)
 search_rows = compiled(search_rows)

@@ -49,7 +49,8 @@ def cover(weights, low, high, first, last, width, triangle, pixel, barycentric):
     """Fill in the fragments of some triangles, out of the boxes of pixels around them; how many there are."""
     count = 0
     for t in range(first, last):
-        (bx, by, b0), (cx, cy, c0) = weights[t]
+        bx, by, b0 = weights[t, 0, 0], weights[t, 0, 1], weights[t, 0, 2]
+        cx, cy, c0 = weights[t, 1, 0], weights[t, 1, 1], weights[t, 1, 2]
         for row in range(low[t, 1], high[t, 1] + 1):
             for column in range(low[t, 0], high[t, 0] + 1):
                 x, y = column + 0.5, row + 0.5

@@ -14,3 +14,10 @@ def compiled(function: Callable, **options: Any) -> Callable:
         return njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # neither this folder nor the user's can be written
         return njit(nogil=True, **options)(function)
+
+
+def inner(function: Callable, **options: Any) -> Callable:
+    """A function for compiled ones alone, which take it in: nothing of its own on disk, and no way in from
+    Python, where only `.py_func` may be called; a sixth less time to compile."""
+    without_wrapper: dict[str, Any] = {"nogil": True, "no_cpython_wrapper": True}
+    return njit(**without_wrapper, **options)(inspect.unwrap(function))

@@ -85,12 +85,12 @@ def test_the_best_point_is_where_the_planes_meet():
     ends, planes = rng.normal(size=(2, 3)), rng.normal(size=(5, 4))
     both = planes.T @ planes
     quadric = np.stack([both[np.triu_indices(4)], np.zeros(10)])
-    *point, error = best_point(quadric, ends, 0, 1, 1e-12)
+    *point, error = best_point.py_func(quadric, ends, 0, 1, 1e-12)
     assert point == pytest.approx(np.linalg.solve(both[:3, :3], -both[:3, 3]), abs=1e-6)
     assert error == pytest.approx([*point, 1] @ both @ [*point, 1], abs=1e-9)
     flat = np.outer([0, 0, 1, -2.0], [0, 0, 1, -2.0])
     quadric = np.stack([flat[np.triu_indices(4)], flat[np.triu_indices(4)]])
-    x, y, z, error = best_point(quadric, ends, 0, 1, 1e-4)
+    x, y, z, error = best_point.py_func(quadric, ends, 0, 1, 1e-4)
     assert (x, y) == pytest.approx(ends.mean(axis=0)[:2])
     assert z == pytest.approx(2, abs=1e-3)
 

@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from avatargen.compiled import compiled
+from avatargen.compiled import compiled, inner
 
 LEAF = 16  # faces in a leaf: fewer than this are not worth vector instructions
 SLACK = 1 + 1e-12  # on a squared distance, so that rounding hides no face that is just as near
@@ -216,9 +216,9 @@ def is_inside(points, corners, normals, face, barycentric, on_edge, inside):
         inside[i] = across < 0
 
 
-on_edge = compiled(on_edge, inline="always")
-on_leaf = compiled(on_leaf)
-to_box = compiled(to_box, inline="always")
-next_leaf = compiled(next_leaf)
+on_edge = inner(on_edge, inline="always")
+on_leaf = inner(on_leaf)
+to_box = inner(to_box, inline="always")
+next_leaf = inner(next_leaf)
 search = compiled(search)
 is_inside = compiled(is_inside)

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float32, Float64, Int64
 
 from avatargen.body.distance import BodyHit
-from avatargen.compiled import compiled
+from avatargen.compiled import compiled, inner
 from avatargen.generator.decoder import DISTANCE_SCALES, PLANE_GAIN, Decoder
 from avatargen.generator.parts import LEAST
 from avatargen.generator.planes import PlaneFrame
@@ -121,11 +121,14 @@ def share_parts(points, slope, level, owner, shares):
         for s in range(len(level)):
             exponent[s] = slope[s, 0] * x + slope[s, 1] * y + slope[s, 2] * z + level[s]
             largest = max(largest, exponent[s])
-        weight[:] = 0
+        for part in range(len(weight)):
+            weight[part] = 0.0
+        total, kept = 0.0, 0.0
         for s in range(len(level)):
             if exponent[s] > largest - FAR:
-                weight[owner[s]] += math.exp(exponent[s] - largest)
-        total, kept = weight.sum(), 0.0
+                nearness = math.exp(exponent[s] - largest)
+                weight[owner[s]] += nearness
+                total += nearness
         for part in range(len(weight)):
             weight[part] = max(weight[part] / total - LEAST, 0.0) ** 2
             kept += weight[part]
@@ -135,8 +138,9 @@ def share_parts(points, slope, level, owner, shares):
 
 def place_rows(shares, ends, point, share, first):
     """Fill in each row's point and share, and the first row of each point."""
-    row = np.zeros(len(ends), np.int64)
-    row[1:] = ends[:-1]
+    row = np.empty(len(ends), np.int64)
+    for part in range(len(ends)):
+        row[part] = ends[part - 1] if part else 0
     for i in range(len(shares)):
         first[i] = -1
         for part in range(len(ends)):
@@ -219,8 +223,10 @@ def fill_place(angle, sine, cosine, first, inputs, start):
 def copy_rows(inputs, point, first):
     """Fill in the further rows of points in more than one part."""
     for row in range(len(point)):
-        if first[point[row]] != row:
-            inputs[row] = inputs[first[point[row]]]
+        same = first[point[row]]
+        if same != row:
+            for column in range(inputs.shape[1]):
+                inputs[row, column] = inputs[same, column]
 
 
 def blend(values, point, share, total):
@@ -230,8 +236,8 @@ def blend(values, point, share, total):
             total[point[row], k] += share[row] * values[row, k]
 
 
-texel_of = compiled(texel_of, inline="always")
-corners_of = compiled(corners_of, inline="always")
+texel_of = inner(texel_of, inline="always")
+corners_of = inner(corners_of, inline="always")
 share_parts = compiled(share_parts)
 place_rows = compiled(place_rows)
 fill_planes = compiled(fill_planes)
