@@ -6,11 +6,11 @@ it bends.
     dual contouring of both, laid on the zero level                    (assets.dual)
 
 What is simplified afterwards needs no small faces where it is flat: with a twentieth of the faces left, half
-the cells and two thirds of the questions serve as well. A large cell of size s in which the surface bends by
-an angle hides a rise of angle * s / 8, and the error of the N faces left goes with 1 / N, so the angle from
-which a cell is halved goes with 1 / (N s). Sheets that slip between a large cell's corners are found where
-they leave small cells, and followed; what grows out of a flat part, thinner than a large cell, may be
-overlooked.
+the questions and two fifths of the faces serve nearly as well. A large cell of size s in which the surface
+bends by an angle hides a rise of angle * s / 8, and the error of the N faces left goes with 1 / N, so the
+angle from which a cell is halved goes with 1 / (N s). Sheets that slip between a large cell's corners are
+found where they leave small cells, and followed; what grows out of a flat part, thinner than a large cell,
+may be overlooked.
 
 Letters: C cells, K cells kept, S small cells. Grid coordinates as in `assets.grid`, in small cells.
 """

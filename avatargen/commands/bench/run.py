@@ -193,9 +193,10 @@ def report(found: Results, seeds: Sequence[int]) -> str:
         "![Error against run time](bench.png)",
         "## Beside the usual recipe",
         "Seed to file: sampling, mesh, charts, texture, weights. In brackets: how many times ours. The usual "
-        "recipe asks the field on a dense grid, then scikit-image, pymeshlab, xatlas at its defaults, "
-        "nearest weights. It takes the body's distance from libigl's tree; our distance is that of "
-        "`avatargen.body`; the cheap one is read off a grid that is made beforehand and not timed.",
+        "recipe asks the field on a dense grid, its networks by torch alone, then scikit-image, pymeshlab, "
+        "xatlas at its defaults, nearest weights. It takes the body's distance from libigl's tree; our "
+        "distance is that of `avatargen.body`; the cheap one is read off a grid that is made beforehand and "
+        "not timed.",
         tables.comparison_table(found.comparison),
         "## Resolution and faces",
         "Seconds are those from the field to charts. Slivers have an angle under 5 degrees.",
