@@ -74,12 +74,13 @@ class Avatar:
         Raises:
             FieldError: a point or a value is NaN or infinite.
         """
-        low, high = torch.from_numpy(self.bounds).to(points)
-        within = points.clamp(low, high)
-        beyond = (points - within).norm(dim=1)
-        if not torch.isfinite(beyond).all():
-            within = points  # which is refused
-        return self.evaluate(within, self.field.sdf, "signed distance") + beyond.float()
+        given = points.to("cpu", torch.float32).numpy()
+        within = np.clip(given, *self.bounds)
+        beyond = np.sqrt(((given - within) ** 2).sum(axis=1))
+        if not np.isfinite(beyond).all():
+            within = given  # which is refused
+        values = self.evaluate(within, self.field.sdf, "signed distance") + beyond
+        return torch.from_numpy(values).to(points.device)
 
     @torch.inference_mode()
     def color(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
@@ -88,12 +89,20 @@ class Avatar:
         Raises:
             FieldError: a point or a value is NaN or infinite.
         """
-        return self.evaluate(points, self.field.color, "colour").clamp(0, 1)
-
-    def evaluate(self, points: Tensor, field: Callable[[np.ndarray], np.ndarray], what: str) -> Tensor:
-        """Ask the field at any number of points, in chunks of neighbours."""
-        device = self.field.w.device
         given = points.to("cpu", torch.float32).numpy()
+        values = self.evaluate(given, self.field.color, "colour")
+        return torch.from_numpy(values.clip(0, 1)).to(points.device)
+
+    def evaluate(
+        self,
+        given: Float32[np.ndarray, "N 3"],
+        field: Callable[[np.ndarray], np.ndarray],
+        what: str,
+    ) -> Float32[np.ndarray, "N *C"]:
+        """Ask the field at any number of points, in chunks of neighbours.
+
+        All but the networks is numpy's here: torch's own threads, once woken, stand in the way of ours.
+        """
         if not np.isfinite(given).all():
             raise FieldError("avatar: points hold NaN or infinity; ask at finite points")
         order = near_order(given)
@@ -101,18 +110,17 @@ class Avatar:
         def answer(index: np.ndarray) -> np.ndarray:
             return field(given[index])
 
-        on_cpu = device.type == "cpu"
+        on_cpu = self.field.w.device.type == "cpu"
         count = -(-len(order) // (CPU_CHUNK if on_cpu else GPU_CHUNK))
         if on_cpu:
             count = max(count, min(FEWEST_CHUNKS, len(order) // WORTH_A_THREAD))
         chunks = np.array_split(order, max(count, 1))
-        # numpy joins them: torch's own threads, once woken, would stand in the way of these for a while
         found = np.concatenate(spread(answer, chunks) if on_cpu else list(map(answer, chunks)))
         values = np.empty_like(found)
         values[order] = found
         if not np.isfinite(values).all():
             raise FieldError(f"avatar: the {what} of seed {self.seed} is NaN or infinite; check the weights")
-        return torch.from_numpy(values).to(points.device)
+        return values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

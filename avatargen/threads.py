@@ -1,6 +1,9 @@
 """The same work on many pieces, by as many threads as torch may use, with results that do not depend on how
 many."""
 
+import functools
+import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -16,10 +19,23 @@ def spread(work: Callable[[Piece], Result], pieces: Sequence[Piece]) -> list[Res
     threads = torch.get_num_threads()
     if threads == 1:
         return [work(piece) for piece in pieces]
-    try:
-        with ThreadPoolExecutor(
-            min(threads, len(pieces)), initializer=torch.set_num_threads, initargs=(1,)
-        ) as pool:
-            return list(pool.map(work, pieces))
-    finally:
-        torch.set_num_threads(threads)  # what the workers set is also what threads to come begin with
+    return list(workers(threads).map(work, pieces))
+
+
+@functools.cache
+def workers(count: int) -> ThreadPoolExecutor:
+    """Threads in which torch has one, kept: it takes longer to settle in a new one than small work takes."""
+    pool, met = ThreadPoolExecutor(count), threading.Barrier(count)
+    list(pool.map(lambda _: settle(met), range(count)))
+    torch.set_num_threads(count)  # what they set is also what other threads to come begin with
+    return pool
+
+
+def settle(met: threading.Barrier) -> None:
+    """Give torch one thread in this one, and wait for the others."""
+    torch.set_num_threads(1)
+    torch.get_num_threads()  # a thread takes over what was set last when it first asks
+    met.wait()
+
+
+os.register_at_fork(after_in_child=workers.cache_clear)  # a child has none of its parent's threads
