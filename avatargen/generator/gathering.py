@@ -40,10 +40,10 @@ class Gathering:
     low: Float64[np.ndarray, "3"]
     size: Float64[np.ndarray, "3"]
     knots: Float64[np.ndarray, "J 3"]
-    slopes: Float64[np.ndarray, "J 3"]
-    slope: Float64[np.ndarray, "S 3"]  # a place's exponent is slope . point + level
-    level: Float64[np.ndarray, " S"]
-    owner: Int64[np.ndarray, " S"]  # the place's part
+    knot_slopes: Float64[np.ndarray, "J 3"]
+    place_slopes: Float64[np.ndarray, "S 3"]  # a place's exponent is its slope . point + its level
+    place_levels: Float64[np.ndarray, " S"]
+    place_parts: Int64[np.ndarray, " S"]
     parts: int
     faces: Int64[np.ndarray, "F 3"]
     features: Float32[np.ndarray, "V K"]
@@ -55,7 +55,7 @@ class Gathering:
     ) -> Rows:
         """The networks' rows at points of the generator's space."""
         shares = np.empty((len(points), self.parts), np.float32)
-        share_parts(points, self.slope, self.level, self.owner, shares)
+        share_parts(points, self.place_slopes, self.place_levels, self.place_parts, shares)
         ends = (shares > 0).sum(axis=0).cumsum()
         point, first = np.empty(ends[-1], np.int64), np.empty(len(points), np.int64)
         share = np.empty(ends[-1], np.float32)
@@ -64,7 +64,7 @@ class Gathering:
         to_distance, to_vertices, to_place, width = np.cumsum(widths)
         inputs = np.empty((ends[-1], width), np.float32)
         place = (points - self.low) / self.size
-        fill_planes(place, self.knots, self.slopes, table, first, inputs)
+        fill_planes(place, self.knots, self.knot_slopes, table, first, inputs)
         inputs[first, to_distance] = 10 * hit.distance
         for column, scale in enumerate(DISTANCE_SCALES, to_distance + 1):
             inputs[first, column] = np.tanh(hit.distance / scale)
@@ -92,19 +92,19 @@ def gathering_of(decoder: Decoder, frame: PlaneFrame, faces: Int64[np.ndarray, "
     if decoder.config.vertex_features:
         features = exact(decoder.vertex_features).astype(np.float32)
         reach = exact(decoder.inverse_reach)
-    slope, level, owner = np.zeros((1, 3)), np.zeros(1), np.ones((1, 1))  # one part for the whole body
+    slopes, levels, owners = np.zeros((1, 3)), np.zeros(1), np.ones((1, 1))  # one part for the whole body
     if decoder.shares is not None:
-        slope, level = exact(decoder.shares.slope.T), exact(decoder.shares.level)
-        owner = exact(decoder.shares.owner)
+        slopes, levels = exact(decoder.shares.slope.T), exact(decoder.shares.level)
+        owners = exact(decoder.shares.owner)
     return Gathering(
         low=exact(frame.low),
         size=exact(frame.size),
         knots=exact(frame.knots),
-        slopes=exact(frame.slopes),
-        slope=slope,
-        level=level,
-        owner=owner.argmax(axis=1),
-        parts=owner.shape[1],
+        knot_slopes=exact(frame.slopes),
+        place_slopes=slopes,
+        place_levels=levels,
+        place_parts=owners.argmax(axis=1),
+        parts=owners.shape[1],
         faces=faces,
         features=features,
         inverse_reach=reach,
