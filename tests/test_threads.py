@@ -1,3 +1,4 @@
+import multiprocessing
 import threading
 
 import pytest
@@ -38,5 +39,25 @@ def test_an_error_is_passed_on_and_torch_keeps_its_threads():
         later.start()
         later.join()
         assert begins_with == [2]
+    finally:
+        torch.set_num_threads(before)
+
+
+def squares(answers: "multiprocessing.SimpleQueue[list[int]]") -> None:
+    answers.put(spread(lambda piece: piece**2, [2, 3, 4]))
+
+
+def test_a_forked_child_starts_threads_of_its_own():
+    """Of its parent's, which are kept, it has none."""
+    fork, before = multiprocessing.get_context("fork"), torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        assert spread(lambda piece: piece**2, [1, 2]) == [1, 4]
+        answers = fork.SimpleQueue()
+        child = fork.Process(target=squares, args=(answers,), daemon=True)
+        child.start()
+        child.join(timeout=60)
+        assert child.exitcode == 0
+        assert answers.get() == [4, 9, 16]
     finally:
         torch.set_num_threads(before)
