@@ -2,8 +2,11 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import torch
 import trimesh
 
 from avatargen.commands import avatar_export, choose, export_run
@@ -185,3 +188,24 @@ def test_wishes_that_make_no_sense(options, words, tmp_path, monkeypatch, capsys
     assert words in said
     assert said.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_speed_is_told_by_one_thread_as_in_the_bench() -> None:
+    """A budget that counted on more threads for all of the work was overdrawn by a sixth."""
+    seen = set()
+
+    class Person:
+        body = SimpleNamespace(vertices=np.zeros((8, 3)))
+
+        def sdf(self, points: torch.Tensor) -> torch.Tensor:
+            seen.add(torch.get_num_threads())
+            return points[:, 0]
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        assert choose.measure_speed(Person()) > 0
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert seen == {1}
