@@ -7,12 +7,12 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from assets.atlas import AtlasConfig
-from assets.bake import BakeConfig
-from assets.bones import Bones
-from assets.extract import ExtractConfig
+from assets.asset.bones import Bones
+from assets.isosurface.extract import ExtractConfig
 from assets.plan import Content, Joints, Plan, make_plan
-from assets.simplify import SimplifyConfig
+from assets.simplify.simplify import SimplifyConfig
+from assets.texture.atlas import AtlasConfig
+from assets.texture.bake import BakeConfig
 from avatargen.body.model import CanonicalBody
 
 

@@ -7,19 +7,19 @@ Which of them run is planned first (`assets.plan`): a mesh alone has no atlas an
 
 import numpy as np
 
-from assets.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAsset
-from assets.atlas import Atlas
-from assets.bake import BakeConfig, Texture, bake_texture
-from assets.bones import add_ends, aim_bones
+from assets.asset.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAsset
+from assets.asset.bones import add_ends, aim_bones
+from assets.asset.joints import drop_idle_joints
+from assets.asset.rig import Morph, Skeleton
 from assets.build_config import AvatarFields, BuildConfig
 from assets.clock import Clock, Progress
-from assets.joints import drop_idle_joints
-from assets.morph import beta_sliders
-from assets.normal_map import bake_normals
-from assets.occlusion import bake_occlusion, distance_to
 from assets.plan import LeftOut
-from assets.rig import Morph, Skeleton
 from assets.shape import Shape, find_pose, make_shape
+from assets.skin.morph import beta_sliders
+from assets.texture.atlas import Atlas
+from assets.texture.bake import BakeConfig, Texture, bake_texture
+from assets.texture.normal_map import bake_normals
+from assets.texture.occlusion import bake_occlusion, distance_to
 from avatargen.errors import InputError
 
 

@@ -12,19 +12,19 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from assets.adaptive import trace_adaptively
-from assets.atlas import Atlas, AtlasConfig, ChartProgram, unwrap
-from assets.attach import Attachment, attach
+from assets.asset.joints import body_on
 from assets.build_config import AvatarFields, BuildConfig
-from assets.clean import Cleaning, tidy
 from assets.clock import Clock
-from assets.extract import ExtractConfig, Extraction, trace, trace_whole
-from assets.joints import body_on
-from assets.measure import SurfaceError, missed_error, surface_error
-from assets.reduce import reduce, settle
-from assets.rest import RestMesh, to_rest
-from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
-from assets.surface import Surface
+from assets.isosurface.adaptive import trace_adaptively
+from assets.isosurface.extract import ExtractConfig, Extraction, trace, trace_whole
+from assets.mesh.clean import Cleaning, tidy
+from assets.mesh.measure import SurfaceError, missed_error, surface_error
+from assets.mesh.surface import Surface
+from assets.simplify.reduce import reduce, settle
+from assets.skin.attach import Attachment, attach
+from assets.skin.rest import RestMesh, to_rest
+from assets.skin.skin import Skin, SkinConfig, parts_of_faces, skin_attached
+from assets.texture.atlas import Atlas, AtlasConfig, ChartProgram, unwrap
 from avatargen.body.fingers import hand_of_joint
 from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose

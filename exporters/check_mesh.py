@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from assets.surface import Surface, find_defects
+from assets.mesh.surface import Surface, find_defects
 from exporters import read_mesh
 
 SECONDS = 120

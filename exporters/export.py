@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from assets.asset import PlainAsset
+from assets.asset.asset import PlainAsset
 from assets.plan import Content
 from avatargen.atomic import write_together
 from avatargen.errors import InputError

@@ -13,7 +13,7 @@ import numpy as np
 import pygltflib as gltf
 from jaxtyping import Float32, Shaped, UInt8
 
-from assets.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
+from assets.asset.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
 from exporters.binary import Binary
 from exporters.encoding import PLAIN, Encoding
 from exporters.file import File

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pygltflib as gltf
 
-from assets.asset import PlainAsset
+from assets.asset.asset import PlainAsset
 from exporters.binary import Binary
 
 EXTENSION = "MSFT_lod"

@@ -9,8 +9,8 @@ import pygltflib as gltf
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial.transform import Rotation
 
-from assets.asset import Asset
-from assets.rig import Animation
+from assets.asset.asset import Asset
+from assets.asset.rig import Animation
 from exporters.binary import Binary
 
 STILL = 1e-6  # of a quaternion's or place's numbers: below it nothing moves

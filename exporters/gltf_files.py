@@ -4,7 +4,7 @@ from urllib.parse import quote
 
 import pygltflib as gltf
 
-from assets.asset import PlainAsset, TexturedAsset
+from assets.asset.asset import PlainAsset, TexturedAsset
 from exporters import glb
 from exporters.encoding import Encoding
 from exporters.file import File

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float32, Int64
 
-from assets.asset import AssetInfo, PlainAsset, TexturedAsset
+from assets.asset.asset import AssetInfo, PlainAsset, TexturedAsset
 from avatargen.errors import InputError
 from exporters.encoding import Encoding
 from exporters.file import File

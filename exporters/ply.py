@@ -4,7 +4,7 @@ Metres, y up."""
 import numpy as np
 from jaxtyping import Float32, Float64, Int64, UInt8
 
-from assets.asset import PlainAsset, TexturedAsset
+from assets.asset.asset import PlainAsset, TexturedAsset
 from exporters.obj import describe
 from exporters.weld import weld
 

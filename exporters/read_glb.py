@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Float32, Int64, UInt8
 from PIL import Image, UnidentifiedImageError
 
-from assets.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
-from assets.normal_map import NormalMap
-from assets.posed import world_turns
-from assets.rig import Skeleton
+from assets.asset.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
+from assets.asset.posed import world_turns
+from assets.asset.rig import Skeleton
+from assets.texture.normal_map import NormalMap
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 from exporters.glb import WEBP

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from assets.asset import PlainAsset
+from assets.asset.asset import PlainAsset
 
 HEADER_BYTES = 80
 TRIANGLE = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]

@@ -21,8 +21,8 @@ import numpy as np
 from jaxtyping import Float
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
-from assets.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
-from assets.rig import Skeleton
+from assets.asset.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
+from assets.asset.rig import Skeleton
 from avatargen.errors import InputError
 from exporters.encoding import SUFFIXES, Encoding
 from exporters.file import File

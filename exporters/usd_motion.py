@@ -10,8 +10,8 @@ J joints, W vertices.
 import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel, Vt
 
-from assets.asset import Asset
-from assets.rig import Animation, Skeleton
+from assets.asset.asset import Asset
+from assets.asset.rig import Animation, Skeleton
 
 FRAMES_PER_SECOND = 24.0  # what times are counted in, and what importers assume that do not ask
 NEGLIGIBLE = 1e-7  # metres; a vertex that a morph moves by less is not stored

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from assets.asset import Asset, AssetInfo, PlainAsset
-from assets.names import NAME_PRESETS, VRM_HUMAN_BONES
-from assets.rig import Skeleton
+from assets.asset.asset import Asset, AssetInfo, PlainAsset
+from assets.asset.names import NAME_PRESETS, VRM_HUMAN_BONES
+from assets.asset.rig import Skeleton
 from avatargen.errors import InputError
 from exporters import glb
 from exporters.encoding import PLAIN, Encoding

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Int64
 
-from assets.asset import PlainAsset
+from assets.asset.asset import PlainAsset
 
 
 class Welded(NamedTuple):

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from assets.asset import Asset, AssetInfo
-from assets.rig import Animation, Morph, Skeleton
-from assets.skin import limit_influences
-from assets.surface import Surface, vertex_normals
+from assets.asset.asset import Asset, AssetInfo
+from assets.asset.rig import Animation, Morph, Skeleton
+from assets.mesh.surface import Surface, vertex_normals
+from assets.skin.skin import limit_influences
 from tests.bodies import SMPL_JOINTS, capsule_body
 from tests.tube import checker, mapped
 

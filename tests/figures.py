@@ -5,7 +5,7 @@ import functools
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from assets.rig import Skeleton
+from assets.asset.rig import Skeleton
 from avatargen.body.joints import SMPL_JOINT_NAMES
 from avatargen.body.model import Body, PosedBody, pose, shape
 from avatargen.motion.figure import Figure

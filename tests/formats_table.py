@@ -18,7 +18,7 @@ import trimesh
 
 import assets
 import avatargen
-from assets.asset import Asset
+from assets.asset.asset import Asset
 from avatargen.atomic import write_atomically
 from exporters import FORMATS, encode, export
 from exporters.check_usd import check_usd

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from assets.surface import Surface
+from assets.mesh.surface import Surface
 
 Field = Callable[[Tensor], Tensor]
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])

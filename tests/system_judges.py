@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.asset import Asset
+from assets.asset.asset import Asset
 from tests.verdicts import JUDGES
 
 PROJECT_GODOT = 'config_version=4\n[application]\nconfig/name="judge"\n'

@@ -3,13 +3,13 @@ import pytest
 import torch
 from shapes import BOX, PERSON_BOX, box, capsule, person, plate, sphere, torus, union
 
-from assets.adaptive import LARGE, bends, crossed_twice, refine, trace_adaptively
-from assets.clean import tidy
 from assets.errors import BoundsError, GeometryError
-from assets.extract import ExtractConfig, trace
-from assets.follow import find_start, follow_surface
-from assets.grid import CornerValues, make_grid
-from assets.surface import find_defects, label_components, volume
+from assets.isosurface.adaptive import LARGE, bends, crossed_twice, refine, trace_adaptively
+from assets.isosurface.extract import ExtractConfig, trace
+from assets.isosurface.follow import find_start, follow_surface
+from assets.isosurface.grid import CornerValues, make_grid
+from assets.mesh.clean import tidy
+from assets.mesh.surface import find_defects, label_components, volume
 
 MANY, FEW = 10**9, 1  # faces to be left: all cells are halved, or none that need not be
 FINE = ExtractConfig(resolution=128)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assets.animate import animate, animation_of, figure_of, lowest
-from assets.asset import Asset
+from assets.asset.animate import animate, animation_of, figure_of, lowest
+from assets.asset.asset import Asset
 from assets.errors import GeometryError
 from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.model import pose, shape

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from shapes import BOX, PERSON_BOX, icosphere, person, torus
 
-from assets import atlas as atlas_stage
-from assets.adaptive import trace_adaptively
-from assets.atlas import Atlas, AtlasConfig, ChartProgram, unwrap, uv_areas
 from assets.errors import GeometryError
-from assets.extract import ExtractConfig, extract
-from assets.raster import rasterise
-from assets.simplify import SimplifyConfig, simplify
-from assets.surface import Surface, face_areas
+from assets.isosurface.adaptive import trace_adaptively
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.surface import Surface, face_areas
+from assets.simplify.simplify import SimplifyConfig, simplify
+from assets.texture import atlas as atlas_stage
+from assets.texture.atlas import Atlas, AtlasConfig, ChartProgram, unwrap, uv_areas
+from assets.texture.raster import rasterise
 from avatargen.errors import InputError
 
 

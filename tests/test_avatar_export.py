@@ -24,7 +24,8 @@ from avatargen import __version__
 from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.load import save_body
 from avatargen.body.model import canonical_body
-from avatargen.commands import avatar_export, export_run
+from avatargen.commands import export_run
+from avatargen.commands.export import avatar_export
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
 from avatargen.generator.generator import AvatarGenerator
@@ -68,7 +69,7 @@ def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "avatargen.commands.avatar_export", *arguments]
+    return [sys.executable, "-m", "avatargen.commands.export.avatar_export", *arguments]
 
 
 def outside() -> dict[str, str]:

@@ -4,11 +4,11 @@ import torch
 from shapes import icosphere
 from test_atlas import parts_of, small_person
 
-from assets.atlas import AtlasConfig, plain_atlas, unwrap, uv_areas
-from assets.bake import BakeConfig, bake, bake_texture, to_linear, to_srgb
-from assets.measure import sample_surface
-from assets.raster import rasterise
-from assets.surface import face_areas, opposite_edges
+from assets.mesh.measure import sample_surface
+from assets.mesh.surface import face_areas, opposite_edges
+from assets.texture.atlas import AtlasConfig, plain_atlas, unwrap, uv_areas
+from assets.texture.bake import BakeConfig, bake, bake_texture, to_linear, to_srgb
+from assets.texture.raster import rasterise
 from avatargen.errors import FieldError, InputError
 
 

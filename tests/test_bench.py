@@ -7,8 +7,8 @@ import pytest
 import torch
 from shapes import BOX, icosphere, sphere
 
-from assets.atlas import Atlas
-from assets.surface import Surface, smallest_angles
+from assets.mesh.surface import Surface, smallest_angles
+from assets.texture.atlas import Atlas
 from avatargen.avatar import load_generator
 from avatargen.commands.bench import run as bench
 from avatargen.commands.bench.cost import measured
@@ -23,7 +23,7 @@ from avatargen.commands.bench.truth import (
     sample,
     texture_psnr,
 )
-from avatargen.commands.choose import Choice, within_budget, within_tolerance
+from avatargen.commands.export.choose import Choice, within_budget, within_tolerance
 from avatargen.errors import InputError
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from test_pipeline import stranger
 from test_skin import on_body, person
 
-from assets.attach import attach
-from assets.skin import Skin, SkinConfig, skin_attached
+from assets.skin.attach import attach
+from assets.skin.skin import Skin, SkinConfig, skin_attached
 from avatargen.commands.bench.poses import PosedError, posed_error
 
 

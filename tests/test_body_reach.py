@@ -4,7 +4,7 @@ import numpy as np
 import skimage.measure
 import torch
 
-from assets.surface import Surface
+from assets.mesh.surface import Surface
 from avatargen.body.distance import BodyDistance
 from avatargen.body.reach import outer_reach
 from avatargen.generator.decoder import body_points, fade, interpolate

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.animate import animate, figure_of
-from assets.asset import Asset
-from assets.bones import add_ends, aim_bones, bone_tails
-from assets.names import rename_joints
-from assets.rig import Skeleton
+from assets.asset.animate import animate, figure_of
+from assets.asset.asset import Asset
+from assets.asset.bones import add_ends, aim_bones, bone_tails
+from assets.asset.names import rename_joints
+from assets.asset.rig import Skeleton
 from avatargen.avatar import shipped
 from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.asset import Asset
-from avatargen.commands import check
+from assets.asset.asset import Asset
+from avatargen.commands.look import check
 from exporters import FORMATS, check_gltf, export
 from exporters.check_mesh import check_mesh
 from exporters.check_vrm import check_vrm

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from shapes import BOX, icosphere, join, sphere, union
 
-from assets.clean import clean, tidy
 from assets.errors import GeometryError
-from assets.extract import ExtractConfig, extract
-from assets.mend import mend
-from assets.surface import Surface, find_defects, volume
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.clean import clean, tidy
+from assets.mesh.mend import mend
+from assets.mesh.surface import Surface, find_defects, volume
 
 
 def with_faces(surface, faces):

@@ -3,8 +3,8 @@
 import numpy as np
 from shapes import icosphere
 
-from assets.collapse import apart, changed_corners, links_hold, standing
-from assets.surface import Surface, directed_edges, find_defects
+from assets.asset.collapse import apart, changed_corners, links_hold, standing
+from assets.mesh.surface import Surface, directed_edges, find_defects
 
 
 def neighbours(faces: np.ndarray) -> dict[int, set[int]]:

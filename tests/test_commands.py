@@ -13,7 +13,8 @@ import pytest
 
 from assets import BuildConfig
 from avatargen.body.load import load_body
-from avatargen.commands import avatar_export, main
+from avatargen.commands import main
+from avatargen.commands.export import avatar_export
 from avatargen.commands.line import run_command
 from avatargen.commands.progress import progress_line
 from avatargen.errors import FieldError, InputError

@@ -4,7 +4,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapes import icosphere
 
-from assets.surface import Surface, count_split_vertices, directed_edges, label_components, opposite_edges
+from assets.mesh.surface import (
+    Surface,
+    count_split_vertices,
+    directed_edges,
+    label_components,
+    opposite_edges,
+)
 
 
 def soups():

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from shapes import BOX, PERSON_BOX, box, icosphere, join, person, sphere, torus, union
 
-from assets.adaptive import trace_adaptively
-from assets.decimate import best_point, decimate, quadrics
-from assets.extract import ExtractConfig, extract
-from assets.measure import surface_error
-from assets.simplify import collapse_carefully
-from assets.surface import Surface, find_defects, smallest_angles, volume
+from assets.isosurface.adaptive import trace_adaptively
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.measure import surface_error
+from assets.mesh.surface import Surface, find_defects, smallest_angles, volume
+from assets.simplify.decimate import best_point, decimate, quadrics
+from assets.simplify.simplify import collapse_carefully
 
 
 def contoured(sdf, bounds, resolution=128, faces=3000):

@@ -3,9 +3,9 @@ import pytest
 import torch
 from shapes import BOX, sphere
 
-from assets.dual import EDGES, SHEET_OF_EDGE, SHEETS, Leaves, contour, edge_between
-from assets.grid import CORNERS, CornerValues, make_grid
-from assets.surface import Surface, directed_edges, find_defects, volume
+from assets.isosurface.dual import EDGES, SHEET_OF_EDGE, SHEETS, Leaves, contour, edge_between
+from assets.isosurface.grid import CORNERS, CornerValues, make_grid
+from assets.mesh.surface import Surface, directed_edges, find_defects, volume
 
 PAIRS = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
 

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from assets.asset import Asset, TexturedAsset
+from assets.asset.asset import Asset, TexturedAsset
 from avatargen.errors import InputError
 from exporters import FORMATS, encode, export, files_of
 from exporters.check_usd import check_usd

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from avatargen.commands import evaluate_runs
-from avatargen.commands.evaluate_runs import Row, snapshots, table
+from avatargen.commands.learn import evaluate_runs
+from avatargen.commands.learn.evaluate_runs import Row, snapshots, table
 from avatargen.errors import InputError
 from avatargen.metrics.evaluate import evaluate
 from tests.small_run import BODY, CONFIG, make_data, small_run

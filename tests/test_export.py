@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.asset import PlainAsset, TexturedAsset
+from assets.asset.asset import PlainAsset, TexturedAsset
 from avatargen.atomic import write_together
 from avatargen.errors import InputError
 from exporters import FORMATS, encode, export, files_of

@@ -13,9 +13,10 @@ from typing import Any
 import pygltflib
 import pytest
 
-from avatargen.commands import avatar_export, export_many
-from avatargen.commands.export_many import Worker, bury
-from avatargen.commands.manifest import NAME, Row, open_manifest
+from avatargen.commands.export import avatar_export
+from avatargen.commands.export import many as export_many
+from avatargen.commands.export.manifest import NAME, Row, open_manifest
+from avatargen.commands.export.many import Worker, bury
 from avatargen.errors import AvatarGenError, InputError
 from tests.test_avatar_export import Model, command, in_an_empty_folder, model, outside
 

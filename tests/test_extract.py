@@ -7,9 +7,9 @@ import torch
 from shapes import BOX, PERSON_BOX, capsule, person, plate, sphere, torus, union
 
 from assets.errors import GeometryError
-from assets.extract import ExtractConfig, Extraction, extract, trace
-from assets.grid import CORNERS, make_grid
-from assets.surface import find_defects, label_components, volume
+from assets.isosurface.extract import ExtractConfig, Extraction, extract, trace
+from assets.isosurface.grid import CORNERS, make_grid
+from assets.mesh.surface import find_defects, label_components, volume
 from avatargen.errors import FieldError, InputError
 
 SMALL_BLOB = sphere(0.05, (0.8, 0.8, 0.8))

@@ -5,12 +5,12 @@ import pytest
 import torch
 from shapes import BOX, box, cylinder, icosphere, sphere, union
 
-from assets.extract import ExtractConfig, extract
-from assets.fit import FitConfig, best_moves, fit, tangent_planes
-from assets.flip import flip
-from assets.measure import surface_error
-from assets.simplify import SimplifyConfig, simplify
-from assets.surface import Surface, face_normals, find_defects, smallest_angles, volume
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.measure import surface_error
+from assets.mesh.surface import Surface, face_normals, find_defects, smallest_angles, volume
+from assets.simplify.fit import FitConfig, best_moves, fit, tangent_planes
+from assets.simplify.flip import flip
+from assets.simplify.simplify import SimplifyConfig, simplify
 from avatargen.body.pose import axis_angle_to_matrix
 
 TURN = torch.tensor(axis_angle_to_matrix(np.array([[0.5, 0.3, 0.4]]))[0], dtype=torch.float32)

@@ -5,11 +5,11 @@ import pytest
 import torch
 from shapes import BOX, box, icosphere, sphere
 
-from assets.extract import ExtractConfig, extract
-from assets.flip import FlipConfig, diagonals, flip
-from assets.measure import surface_error
-from assets.simplify import SimplifyConfig, simplify
-from assets.surface import Surface, directed_edges, find_defects, smallest_angles
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.measure import surface_error
+from assets.mesh.surface import Surface, directed_edges, find_defects, smallest_angles
+from assets.simplify.flip import FlipConfig, diagonals, flip
+from assets.simplify.simplify import SimplifyConfig, simplify
 from avatargen.body.pose import axis_angle_to_matrix
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from assets import with_levels
-from assets.asset import Asset
+from assets.asset.asset import Asset
 from exporters import export, glb
 from exporters.glb_levels import coverages
 from exporters.read_glb import read_glb

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from assets.animate import animate, figure_of
-from assets.asset import Asset
-from assets.names import rename_joints
-from assets.rig import Animation, Morph
+from assets.asset.animate import animate, figure_of
+from assets.asset.asset import Asset
+from assets.asset.names import rename_joints
+from assets.asset.rig import Animation, Morph
 from avatargen.motion.clips import CLIPS, make_clip
 from avatargen.motion.motion import mirrored, retimed
 from exporters import export, glb

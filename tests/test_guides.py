@@ -16,8 +16,8 @@ from PIL import Image
 from avatargen.avatar import shipped
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.pose import load_pose
-from avatargen.commands import avatar_export
-from avatargen.commands.export_run import build_settings
+from avatargen.commands.export import avatar_export
+from avatargen.commands.export.run import build_settings
 from avatargen.motion.amass import load_motion
 from exporters import export, find_format
 from tests import browser

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from shapes import icosphere, sphere
 
-from assets.asset import PlainAsset, TexturedAsset
-from assets.atlas import AtlasConfig, unwrap
+from assets.asset.asset import PlainAsset, TexturedAsset
+from assets.asset.levels import at_level, level_error, signed_areas, with_levels
 from assets.errors import GeometryError
-from assets.levels import at_level, level_error, signed_areas, with_levels
-from assets.measure import points_on, sample_surface
-from assets.normal_map import NormalMap
-from assets.surface import Surface, compact, find_defects, opposite_edges, volume
+from assets.mesh.measure import points_on, sample_surface
+from assets.mesh.surface import Surface, compact, find_defects, opposite_edges, volume
+from assets.texture.atlas import AtlasConfig, unwrap
+from assets.texture.normal_map import NormalMap
 from avatargen.errors import InputError
 from tests.tube import tube
 from tests.tube import welded as welded_tube

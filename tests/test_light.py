@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from assets.light import cast_samples, lamps_around, received, sees
-from assets.surface import Surface
+from assets.mesh.surface import Surface
+from assets.picture.light import cast_samples, lamps_around, received, sees
 from tests.shapes import icosphere
 
 UP = np.array([[0.0, 1.0, 0.0]])

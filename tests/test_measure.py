@@ -3,8 +3,15 @@ import pytest
 import torch
 from shapes import icosphere, sphere
 
-from assets.measure import MeasureConfig, distances, missed_error, points_on, sample_surface, surface_error
-from assets.surface import Surface, face_areas
+from assets.mesh.measure import (
+    MeasureConfig,
+    distances,
+    missed_error,
+    points_on,
+    sample_surface,
+    surface_error,
+)
+from assets.mesh.surface import Surface, face_areas
 from avatargen.errors import FieldError
 
 

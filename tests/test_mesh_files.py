@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from assets.asset import Asset, PlainAsset
+from assets.asset.asset import Asset, PlainAsset
 from avatargen.errors import InputError
 from exporters import encode, export, ply, stl
 from exporters.weld import weld

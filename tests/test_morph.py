@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.animate import animate, figure_of
-from assets.asset import Asset
+from assets.asset.animate import animate, figure_of
+from assets.asset.asset import Asset
 from assets.errors import GeometryError
 from avatargen.motion.clips import make_clip
 from exporters import export

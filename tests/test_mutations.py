@@ -17,8 +17,8 @@ from PIL import Image
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.load import load_body, save_body
 from avatargen.body.pose import load_pose
-from avatargen.commands.choose import load_curves
-from avatargen.commands.manifest import NAME, Row, open_manifest
+from avatargen.commands.export.choose import load_curves
+from avatargen.commands.export.manifest import NAME, Row, open_manifest
 from avatargen.data import synth
 from avatargen.data.dataset import open_pictures
 from avatargen.data.folder import claim

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assets.names import NAME_PRESETS, VRM_HUMAN_BONES, rename_joints
+from assets.asset.names import NAME_PRESETS, VRM_HUMAN_BONES, rename_joints
 from avatargen.body.joints import JOINT_NAMES, SMPL_JOINT_NAMES, SMPLX_JOINT_NAMES, mirrored_name
 from avatargen.errors import InputError
 from tests.tube import tube

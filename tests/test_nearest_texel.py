@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from assets.nearest_texel import nearest_texels
+from assets.texture.nearest_texel import nearest_texels
 
 
 def blocks(shape, seed):

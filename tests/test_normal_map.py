@@ -7,13 +7,13 @@ from shapes import icosphere, sphere
 from test_atlas import parts_of, small_person
 from test_bake import bilinear
 
-from assets.atlas import Atlas, AtlasConfig, unwrap
-from assets.bake import BakeConfig, lay_texels
 from assets.errors import GeometryError
-from assets.measure import sample_surface
-from assets.normal_map import NormalMap, bake_normals
-from assets.rest import RestMesh
-from assets.surface import Surface, vertex_normals
+from assets.mesh.measure import sample_surface
+from assets.mesh.surface import Surface, vertex_normals
+from assets.skin.rest import RestMesh
+from assets.texture.atlas import Atlas, AtlasConfig, unwrap
+from assets.texture.bake import BakeConfig, lay_texels
+from assets.texture.normal_map import NormalMap, bake_normals
 from avatargen.errors import FieldError
 
 WAVES, HEIGHT, RADIUS, SIZE = 25.0, 0.002, 0.8, 512

@@ -8,14 +8,14 @@ import torch
 from shapes import icosphere, sphere, union
 from test_atlas import parts_of
 
-from assets.atlas import Atlas, AtlasConfig, unwrap
-from assets.bake import BakeConfig, lay_texels
+from assets.asset.levels import with_levels
+from assets.asset.posed import posed
 from assets.errors import GeometryError
-from assets.levels import with_levels
-from assets.occlusion import HEIGHTS, STRENGTH, bake_occlusion, distance_to, openness
-from assets.paint import painted
-from assets.posed import posed
-from assets.surface import Surface
+from assets.mesh.surface import Surface
+from assets.picture.paint import painted
+from assets.texture.atlas import Atlas, AtlasConfig, unwrap
+from assets.texture.bake import BakeConfig, lay_texels
+from assets.texture.occlusion import HEIGHTS, STRENGTH, bake_occlusion, distance_to, openness
 from avatargen.errors import FieldError, InputError
 from exporters import encode, export, find_format
 from tests.figure import figure

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from assets.errors import GeometryError
-from assets.paint import HEAT, joint_weights, painted, scale, vertex_errors
+from assets.picture.paint import HEAT, joint_weights, painted, scale, vertex_errors
 from tests.tube import RADIUS, tube
 
 

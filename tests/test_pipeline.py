@@ -16,14 +16,14 @@ from assets import (
     build_content,
     extract,
 )
-from assets.asset import AssetInfo, Skeleton
-from assets.attach import attach
+from assets.asset.asset import AssetInfo, Skeleton
+from assets.asset.joints import drop_idle_joints
 from assets.errors import BoundsError, GeometryError
-from assets.extract import GROWTHS, ROOM, trace, trace_whole
-from assets.joints import drop_idle_joints
+from assets.isosurface.extract import GROWTHS, ROOM, trace, trace_whole
+from assets.mesh.surface import Surface, find_defects
 from assets.shape import find_surface
-from assets.skin import SkinConfig, skin_attached
-from assets.surface import Surface, find_defects
+from assets.skin.attach import attach
+from assets.skin.skin import SkinConfig, skin_attached
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import CanonicalBody, canonical_body, forward_kinematics, from_rest_joints
 from avatargen.body.pose import axis_angle_to_matrix, named_pose

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from assets.play import moments, pictures
-from assets.preview import BACKGROUND, PreviewConfig
+from assets.picture.play import moments, pictures
+from assets.picture.preview import BACKGROUND, PreviewConfig
 from tests.figure import figure, in_motion
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from assets.posed import posed
+from assets.asset.posed import posed
 from avatargen.body.model import forward_kinematics
 from avatargen.body.pose import Z_AXIS_POSES, axis_angle_to_matrix, named_pose
 from avatargen.body.skinning import skin

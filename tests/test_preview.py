@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tube import tube
 
-from assets.camera import orbit, view_camera
-from assets.preview import OVERSAMPLING, PreviewConfig, nearest_faces, render, turntable
+from assets.picture.camera import orbit, view_camera
+from assets.picture.preview import OVERSAMPLING, PreviewConfig, nearest_faces, render, turntable
 from avatargen.errors import InputError
 
 CONFIG = PreviewConfig(height=96)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from assets.asset import Asset, PlainAsset, TexturedAsset
+from assets.asset.asset import Asset, PlainAsset, TexturedAsset
 from avatargen.errors import InputError
 from exporters import export, glb
 from exporters.encoding import Encoding

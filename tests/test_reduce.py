@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from shapes import BOX, PERSON_BOX, person, torus
 
-from assets.adaptive import trace_adaptively
-from assets.extract import ExtractConfig, extract
-from assets.measure import surface_error
-from assets.reduce import reduce, settle
-from assets.simplify import SimplifyConfig, simplify
-from assets.surface import find_defects, smallest_angles
+from assets.isosurface.adaptive import trace_adaptively
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.measure import surface_error
+from assets.mesh.surface import find_defects, smallest_angles
+from assets.simplify.reduce import reduce, settle
+from assets.simplify.simplify import SimplifyConfig, simplify
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from PIL import Image
 import assets
 import avatargen
 from avatargen.body.joints import SMPL_JOINT_NAMES
-from avatargen.commands.render import main
+from avatargen.commands.look.render import main
 from exporters import export
 from tests.tube import tube
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from bodies import capsule_body
 
-from assets.attach import attach
-from assets.rest import to_rest
-from assets.skin import SkinConfig, skin_attached
-from assets.surface import Surface, find_defects, vertex_normals
+from assets.mesh.surface import Surface, find_defects, vertex_normals
+from assets.skin.attach import attach
+from assets.skin.rest import to_rest
+from assets.skin.skin import SkinConfig, skin_attached
 from avatargen.body.model import canonical_body, pose, shape
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError

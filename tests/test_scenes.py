@@ -9,8 +9,9 @@ import pytest
 import torch
 import trimesh
 
-from avatargen.commands import avatar_export, choose, export_run
-from avatargen.commands.scenes import SCENES
+from avatargen.commands.export import avatar_export, choose
+from avatargen.commands.export import run as export_run
+from avatargen.commands.export.scenes import SCENES
 from exporters import find_format
 
 CURVES = {
@@ -47,7 +48,7 @@ def curves(tmp_path, monkeypatch) -> None:
     """Made-up curves on a machine as fast as the bench's."""
     path = tmp_path / "curves.json"
     path.write_text(json.dumps(CURVES))
-    monkeypatch.setattr("avatargen.commands.fitting.shipped", lambda name: path)
+    monkeypatch.setattr("avatargen.commands.export.fitting.shipped", lambda name: path)
     monkeypatch.setattr(choose, "measure_speed", lambda avatar: 1.0)
 
 

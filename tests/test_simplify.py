@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from shapes import BOX, PERSON_BOX, icosphere, person, torus
 
-from assets.extract import ExtractConfig, extract
-from assets.simplify import SimplifyConfig, simplify
-from assets.surface import find_defects, volume
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.surface import find_defects, volume
+from assets.simplify.simplify import SimplifyConfig, simplify
 from avatargen.errors import InputError
 
 

@@ -6,12 +6,12 @@ import torch
 from bodies import capsule_body
 from shapes import capsule, icosphere, join
 
-from assets.attach import attach, fill
-from assets.clean import clean
 from assets.errors import GeometryError
-from assets.extract import ExtractConfig, extract
-from assets.skin import Skin, SkinConfig, limit_influences, near_filled, parts_of_faces, transfer_weights
-from assets.surface import Surface, directed_edges, vertex_normals
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.clean import clean
+from assets.mesh.surface import Surface, directed_edges, vertex_normals
+from assets.skin.attach import attach, fill
+from assets.skin.skin import Skin, SkinConfig, limit_influences, near_filled, parts_of_faces, transfer_weights
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import canonical_body
 

@@ -8,7 +8,7 @@ from PIL import Image
 
 from assets import BuildConfig, build
 from assets.errors import GeometryError
-from avatargen.commands.survey import Row, contact_sheet, main, summary
+from avatargen.commands.look.survey import Row, contact_sheet, main, summary
 
 
 def row(seed: int, closed: bool, mean_mm: float) -> Row:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.names import rename_joints
+from assets.asset.names import rename_joints
 from exporters import export
 from exporters.weld import weld
 from tests.figure import figure, in_motion

@@ -8,9 +8,9 @@ import pytest
 from shapes import icosphere
 from test_atlas import parts_of, small_person
 
-from assets.atlas import AtlasConfig, unwrap
-from assets.surface import Surface, vertex_normals
-from assets.tangents import find_tangents
+from assets.mesh.surface import Surface, vertex_normals
+from assets.texture.atlas import AtlasConfig, unwrap
+from assets.texture.tangents import find_tangents
 from tests.verdicts import JUDGES, blender_python
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

@@ -21,14 +21,14 @@ from PIL import Image
 from pygltflib import GLTF2
 
 from assets import Asset, BuildConfig, with_levels
-from assets.bones import aim_bones
+from assets.asset.bones import aim_bones
+from assets.asset.levels import level_error
 from assets.errors import GeometryError
-from assets.levels import level_error
-from assets.paint import painted
+from assets.picture.paint import painted
 from avatargen import load_generator
 from avatargen.body.load import save_body
 from avatargen.body.model import canonical_body
-from avatargen.commands import view
+from avatargen.commands.look import view
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
 from avatargen.generator.generator import AvatarGenerator

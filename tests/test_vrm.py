@@ -13,8 +13,8 @@ import pytest
 
 import avatargen
 from assets import BuildConfig, build
-from assets.asset import Asset, TexturedAsset
-from assets.names import VRM_HUMAN_BONES, rename_joints
+from assets.asset.asset import Asset, TexturedAsset
+from assets.asset.names import VRM_HUMAN_BONES, rename_joints
 from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.model import forward_kinematics
 from avatargen.errors import InputError

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from assets.asset import Asset, AssetInfo, Skeleton
-from assets.normal_map import NormalMap
-from assets.surface import Surface
-from assets.tangents import find_tangents
+from assets.asset.asset import Asset, AssetInfo, Skeleton
+from assets.mesh.surface import Surface
+from assets.texture.normal_map import NormalMap
+from assets.texture.tangents import find_tangents
 
 RADIUS, LENGTH = 0.1, 1.0
 

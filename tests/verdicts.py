@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from assets.asset import Asset
+from assets.asset.asset import Asset
 from avatargen.body.model import forward_kinematics
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.body.skinning import skin

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.build_config import BuildConfig
-from assets.measure import surface_error
+from assets.mesh.measure import surface_error
+from assets.mesh.surface import Surface, find_defects
 from assets.pipeline import build_content
-from assets.surface import Surface, find_defects
 from avatargen.avatar import Avatar, AvatarSampler
 from avatargen.commands.bench.cost import Cost, measured
 from avatargen.commands.bench.peer import (

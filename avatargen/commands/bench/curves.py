@@ -10,7 +10,7 @@ from avatargen.avatar import Avatar
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.sweep import SurfaceRow, TextureRow
 from avatargen.commands.bench.tables import grouped, median
-from avatargen.commands.choose import SPEED_POINTS, speed_points
+from avatargen.commands.export.choose import SPEED_POINTS, speed_points
 
 ROUNDS = 3
 

@@ -20,12 +20,12 @@ from jaxtyping import Float, Float64, Int64
 from scipy.ndimage import map_coordinates
 from scipy.spatial import KDTree
 
-from assets.atlas import Atlas
-from assets.bake import BakeConfig, bake_texture
-from assets.clean import from_pymeshlab, to_pymeshlab
 from assets.field import Field, ask
-from assets.skin import limit_influences
-from assets.surface import Surface
+from assets.mesh.clean import from_pymeshlab, to_pymeshlab
+from assets.mesh.surface import Surface
+from assets.skin.skin import limit_influences
+from assets.texture.atlas import Atlas
+from assets.texture.bake import BakeConfig, bake_texture
 from avatargen.avatar import Avatar
 from avatargen.body.distance import BodyDistance, BodyHit
 from exporters.png import encode_png

@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from jaxtyping import Float, Float64
 
-from assets.attach import Attachment
 from assets.build_config import AvatarFields
-from assets.rest import to_rest
-from assets.skin import Skin
-from assets.surface import Surface, directed_edges, edge_lengths
+from assets.mesh.surface import Surface, directed_edges, edge_lengths
+from assets.skin.attach import Attachment
+from assets.skin.rest import to_rest
+from assets.skin.skin import Skin
 from avatargen.body.model import PosedBody, pose, shape
 from avatargen.body.skinning import skin as skin_points
 from avatargen.generator.canonical import canonical_map

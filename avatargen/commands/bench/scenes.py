@@ -8,7 +8,7 @@ from assets.pipeline import build_content
 from avatargen.avatar import AvatarSampler
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.tables import table
-from avatargen.commands.scenes import SCENES
+from avatargen.commands.export.scenes import SCENES
 from exporters import encode
 
 

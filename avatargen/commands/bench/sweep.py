@@ -12,17 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from assets.atlas import AtlasConfig, unwrap
-from assets.attach import Attachment, attach
-from assets.bake import BakeConfig, bake_texture
 from assets.build_config import BuildConfig
-from assets.clean import tidy
-from assets.measure import surface_error
-from assets.reduce import reduce, settle
-from assets.rest import to_rest
+from assets.mesh.clean import tidy
+from assets.mesh.measure import surface_error
+from assets.mesh.surface import Surface, find_defects, smallest_angles
 from assets.shape import atlas_config, find_pose, find_surface
-from assets.skin import Skin, SkinConfig, parts_of_faces, skin_attached
-from assets.surface import Surface, find_defects, smallest_angles
+from assets.simplify.reduce import reduce, settle
+from assets.skin.attach import Attachment, attach
+from assets.skin.rest import to_rest
+from assets.skin.skin import Skin, SkinConfig, parts_of_faces, skin_attached
+from assets.texture.atlas import AtlasConfig, unwrap
+from assets.texture.bake import BakeConfig, bake_texture
 from avatargen.avatar import Avatar
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.poses import posed_error

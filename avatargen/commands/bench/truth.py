@@ -1,7 +1,7 @@
 """What a mesh is compared with: points on the zero level of an avatar's field, their normals and colours.
 
 They come from a finer extraction than any that is measured, moved onto the zero level by Newton steps. Errors
-are measured from these points to the mesh; `assets.measure` goes the other way.
+are measured from these points to the mesh; `assets.mesh.measure` goes the other way.
 
 Letters: N points, V vertices, F faces. Canonical space, metres.
 """
@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64, Int64, UInt8
 
-from assets.atlas import Atlas
-from assets.clean import clean
-from assets.extract import ExtractConfig, extract
 from assets.field import Field, ask
-from assets.surface import Surface, vertex_normals
+from assets.isosurface.extract import ExtractConfig, extract
+from assets.mesh.clean import clean
+from assets.mesh.surface import Surface, vertex_normals
+from assets.texture.atlas import Atlas
 from avatargen.body.distance import BodyDistance
 
 STEP = 2.5e-4  # metres, of the differences that give the gradient

@@ -11,12 +11,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from assets.adaptive import trace_adaptively
-from assets.clean import tidy
 from assets.errors import GeometryError
-from assets.extract import ExtractConfig, Tracer, trace
 from assets.field import Field
-from assets.surface import Surface, find_defects, volume
+from assets.isosurface.adaptive import trace_adaptively
+from assets.isosurface.extract import ExtractConfig, Tracer, trace
+from assets.mesh.clean import tidy
+from assets.mesh.surface import Surface, find_defects, volume
 from avatargen.commands.stress.case import Case, require
 from avatargen.errors import FieldError
 

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
-from assets.asset import AssetInfo
+from assets.asset.asset import AssetInfo
 from avatargen import __version__
 from avatargen.avatar import shipped
 from avatargen.body.distance import BodyDistance

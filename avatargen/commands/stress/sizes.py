@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from assets.asset import Asset, PlainAsset, TexturedAsset
-from assets.atlas import AtlasConfig, unwrap
-from assets.bake import BakeConfig, bake_texture
+from assets.asset.asset import Asset, PlainAsset, TexturedAsset
 from assets.build_config import BuildConfig
+from assets.mesh.surface import Surface, find_defects
 from assets.pipeline import build_content
-from assets.surface import Surface, find_defects
+from assets.texture.atlas import AtlasConfig, unwrap
+from assets.texture.bake import BakeConfig, bake_texture
 from avatargen.commands.stress.case import Case, require
 from avatargen.commands.stress.figure import Figure, default_figure, figure, with_joints
 from avatargen.errors import InputError

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from jaxtyping import Float64
 
-from assets.surface import Surface, volume
+from assets.mesh.surface import Surface, volume
 from avatargen.body.model import pose, shape
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.body.skinning import invert_blend, skin, unskin

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import viser
 
-from assets.animate import animate, figure_of
-from assets.asset import Asset, TexturedAsset
-from assets.bones import aim_bones
-from assets.paint import PLAIN, joint_weights, painted
-from assets.posed import posed
+from assets.asset.animate import animate, figure_of
+from assets.asset.asset import Asset, TexturedAsset
+from assets.asset.bones import aim_bones
+from assets.asset.posed import posed
+from assets.picture.paint import PLAIN, joint_weights, painted
 from avatargen.body.pose import named_pose
 from avatargen.body.stance import FINGER_LIMBS, LIMBS, STANCES, Limb, limb_rotations
 from avatargen.commands.viewer.people import People, Person, Wish

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from assets import Asset, BuildConfig, build, with_levels
-from assets.levels import at_level, level_error
-from assets.paint import vertex_errors
+from assets.asset.levels import at_level, level_error
+from assets.picture.paint import vertex_errors
 from avatargen.avatar import Avatar, AvatarSampler
 
 KEPT = 4  # people: each takes some 100 MB with its planes

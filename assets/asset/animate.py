@@ -1,0 +1,125 @@
+"""Motions on an asset: joint rotations from the T-pose become those of the asset's own skeleton.
+
+A motion says how each joint is turned against its parent from the T-pose, R_j. In the T-pose all joint frames
+are the world's; the asset rests in another pose, whose rotations from the T-pose are A_j in world axes, and
+its joint frames may be turned by B_j at rest. What moves the skin is the turn from the rest pose on, so with
+the parent p of j
+
+    G_j = G_p R_j           the joint's world rotation from the T-pose
+    W_j = G_j A_j^-1        the same from the rest pose
+    world joint frame = W_j B_j,  parent <- joint = B_p^-1 A_p R_j A_j^-1 B_j   (B_p = A_p = I above the root)
+
+and a bone's translation in its parent's frame stays as it is at rest. Letters: T frames, J joints, W
+vertices.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.sparse import coo_array, csr_array
+from scipy.spatial.transform import Rotation
+
+from assets.asset.asset import Asset
+from assets.asset.rig import Animation, Skeleton
+from avatargen.body.joints import driving_name
+from avatargen.errors import InputError
+from avatargen.motion.figure import Figure
+from avatargen.motion.motion import Motion, continuous
+
+FRAMES_AT_ONCE = 256
+
+
+def animate(asset: Asset, motions: Sequence[Motion], on_ground: bool = True) -> Asset:
+    """The asset with an animation for each motion, after those it has.
+
+    `on_ground` lifts or lowers a whole animation so that its lowest vertex touches y = 0 once: the figure of
+    a motion file has other legs than this one.
+
+    Raises:
+        InputError: a motion shares no joint with the skeleton.
+        GeometryError: two animations share a name.
+    """
+    made = [animation_of(asset.skeleton, motion) for motion in motions]
+    if on_ground:
+        made = [replace(a, root=a.root - [0.0, lowest(asset, a), 0.0]) for a in made]
+    return replace(asset, animations=(*asset.animations, *made))
+
+
+def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
+    """The motion on this skeleton, the pelvis at its place in the T-pose plus the motion's translation.
+
+    Raises:
+        InputError: the motion shares no joint with the skeleton.
+    """
+    turned = zero_rotations(len(motion.times), len(skeleton.parents))
+    found = [driving_name(name, motion.joint_names) for name in skeleton.joint_names]
+    shared = [(j, motion.joint_names.index(name)) for j, name in enumerate(found) if name is not None]
+    if not shared:
+        raise InputError(
+            f"motion {motion.name}: none of its {len(motion.joint_names)} joints is one of the skeleton's; "
+            "joints are matched by SMPL's names"
+        )
+    for joint, source in shared:
+        turned[:, joint] = Rotation.from_quat(motion.rotations[:, source]).as_matrix()
+    rest, turns = skeleton.T_world_joint[:, :3, :3], turns_of(skeleton)
+    above = np.where(skeleton.parents >= 0, skeleton.parents, 0)
+    root = (skeleton.parents < 0)[:, None, None]
+    before = np.where(root, np.eye(3), rest.transpose(0, 2, 1)[above] @ turns[above])
+    local = before @ turned @ (turns.transpose(0, 2, 1) @ rest)
+    quaternions = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_quat().reshape(*local.shape[:2], 4)
+    return Animation(
+        name=motion.name,
+        times=motion.times,
+        rotations=continuous(quaternions),
+        root=skeleton.joints[0] + motion.translation,
+    )
+
+
+def zero_rotations(frames: int, joints: int) -> Float64[np.ndarray, "T J 3 3"]:
+    return np.tile(np.eye(3), (frames, joints, 1, 1))
+
+
+def turns_of(skeleton: Skeleton) -> Float64[np.ndarray, "J 3 3"]:
+    """World rotations of the joints from the T-pose to the rest pose."""
+    return np.tile(np.eye(3), (len(skeleton.parents), 1, 1)) if skeleton.turns is None else skeleton.turns
+
+
+def figure_of(asset: Asset) -> Figure:
+    """The asset's person in the T-pose, the pelvis where it is at rest."""
+    skeleton = asset.skeleton
+    turns, joints = turns_of(skeleton), skeleton.joints.copy()
+    for joint, parent in enumerate(skeleton.parents):
+        if parent >= 0:
+            along = skeleton.joints[joint] - skeleton.joints[parent]
+            joints[joint] = joints[parent] + turns[parent].T @ along
+    still = Motion(
+        name="T-pose",
+        joint_names=skeleton.joint_names,
+        times=np.zeros(1),
+        rotations=np.tile([0.0, 0.0, 0.0, 1.0], (1, len(turns), 1)),
+        translation=np.zeros((1, 3)),
+    )
+    ground = lowest(asset, animation_of(skeleton, still))
+    return Figure(joint_names=skeleton.joint_names, joints=joints, ground=ground)
+
+
+def lowest(asset: Asset, animation: Animation) -> float:
+    """The least height of any skinned vertex in any frame, metres."""
+    T_posed_rest = animation.T_posed_rest(asset.skeleton)
+    rows = T_posed_rest[:, :, 1].reshape(len(T_posed_rest), -1).T  # what gives the y of a point: 4J T
+    blend = height_matrix(asset)
+    parts = range(0, rows.shape[1], FRAMES_AT_ONCE)
+    return min(float((blend @ rows[:, start : start + FRAMES_AT_ONCE]).min()) for start in parts)
+
+
+def height_matrix(asset: Asset) -> csr_array:
+    """[W, 4J]: times the second rows of the joints' transforms it gives the heights of the vertices."""
+    W, J = len(asset.vertices), len(asset.skeleton.parents)
+    points = np.concatenate([asset.vertices.astype(np.float64), np.ones((W, 1))], axis=1)
+    values = asset.weights[:, :, None].astype(np.float64) * points[:, None]  # W slots 4
+    columns = 4 * asset.joints[:, :, None] + np.arange(4)
+    rows = np.broadcast_to(np.arange(W)[:, None, None], values.shape)
+    places = (rows.ravel(), columns.ravel())
+    return csr_array(coo_array((values.ravel(), places), shape=(W, 4 * J)))

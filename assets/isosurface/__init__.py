@@ -1,0 +1,1 @@
+"""From a distance field to a closed surface."""

@@ -1,0 +1,1 @@
+"""Closed triangle meshes: what they are, cleaning them, and how far they are from a field."""

@@ -1,0 +1,1 @@
+"""Fewer triangles, laid where the field is."""

@@ -1,0 +1,1 @@
+"""Joint weights of a surface, and the surface in its rest pose."""

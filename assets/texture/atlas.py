@@ -1,0 +1,278 @@
+"""Texture coordinates: each skinning part is cut into charts by xatlas, and all charts are packed into one
+square.
+
+xatlas runs in a process of its own under a time limit. Where it fails, runs out of time or leaves a face
+out, the faces are packed one by one instead: a plain atlas with a seam at every edge, but never a wrong one.
+
+Letters: V welded vertices, W vertices after the seams have split them, F faces. uv in 0..1, origin at the
+texture's top left.
+"""
+
+import io
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int64
+
+from assets.errors import GeometryError
+from assets.mesh.surface import Surface, compact, directed_edges, edge_lengths, face_areas, opposite_edges
+from assets.texture import charts as charts_program
+from avatargen.errors import InputError
+
+NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
+ADOPTING_ROUNDS = 8
+FINEST_PACKING = 768  # cells along the side of the grid that charts are packed on: time grows with its square
+SIDE_TO_PADDING = 109  # of that grid
+MARGIN = 1.5  # texels between a face packed alone and its cell's border
+
+
+@dataclass(frozen=True, kw_only=True)
+class AtlasConfig:
+    """The texture the atlas is for, and how xatlas may spend its time."""
+
+    texture_size: int = 1024  # texels along a side
+    time_limit: float = 30.0  # seconds, for each 10,000 faces
+    # parts with texels finer than the others', by factor
+    scales: tuple[tuple[int, float], ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if not 16 <= self.texture_size <= 16384:
+            raise InputError(f"atlas: a texture of {self.texture_size} texels; choose 16 to 16384")
+        if any(not 0.1 <= scale <= 10 for _, scale in self.scales):
+            raise InputError("atlas: a part's scale must lie in 0.1 to 10")
+
+    @property
+    def packing(self) -> int:
+        """Cells along the side of the grid that charts are packed on."""
+        return min(self.texture_size, FINEST_PACKING)
+
+    @property
+    def padding(self) -> int:
+        """Cells between charts: room for what smaller copies of the texture take in around one."""
+        return max(2, self.packing // SIDE_TO_PADDING)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Atlas:
+    """Split vertices with their texture coordinates; face f is face f of the welded surface."""
+
+    vertex_map: Int64[np.ndarray, " W"]  # welded vertex of each split one
+    uv: Float32[np.ndarray, "W 2"]
+    faces: Int64[np.ndarray, "F 3"]
+    plain: str = ""  # why faces were packed one by one; empty for charts
+
+    def __post_init__(self) -> None:
+        if len(self.vertex_map) != len(self.uv) or len(self.faces) == 0 or self.faces.max() >= len(self.uv):
+            raise GeometryError(
+                f"atlas: {len(self.uv)} uv do not fit {len(self.vertex_map)} vertices or the faces"
+            )
+        if not (self.uv.min() >= 0 and self.uv.max() <= 1):  # also catches NaN
+            raise GeometryError(
+                f"atlas: uv reach from {self.uv.min():g} to {self.uv.max():g}; 0 to 1 is needed"
+            )
+
+
+class ChartProgram:
+    """xatlas in a process of its own, for one atlas; leaving the context ends it.
+
+    It takes a tenth of a second to start, so those who will need it may start it ahead.
+    """
+
+    def __init__(self) -> None:
+        command = [sys.executable, "-P", str(charts_program.__file__)]
+        pipe = subprocess.PIPE
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # more take time to start and have no work
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment)
+
+    def __enter__(self) -> "ChartProgram":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.process.kill()
+        with self.process:  # closes the pipes, and waits
+            pass
+
+    def run(self, arrays: dict[str, np.ndarray], time_limit: float) -> dict[str, np.ndarray]:
+        """Charts of meshes; arrays as in `assets.texture.charts`.
+
+        Raises:
+            SubprocessError: it crashed or ran out of time (seconds).
+        """
+        stream = io.BytesIO()
+        np.savez(stream, **arrays)  # pyright: ignore
+        out, errors = self.process.communicate(stream.getvalue(), timeout=time_limit)
+        if self.process.returncode:
+            raise subprocess.CalledProcessError(
+                self.process.returncode, self.process.args, output=out, stderr=errors
+            )
+        with np.load(io.BytesIO(out)) as file:
+            return {name: file[name] for name in file.files}
+
+
+def unwrap(
+    surface: Surface,
+    parts: Int64[np.ndarray, " F"],
+    config: AtlasConfig | None = None,
+    program: ChartProgram | None = None,
+) -> Atlas:
+    """Charts that do not cross from one part to another, at one density but for the parts' scales; by a
+    program that has been started already, or a new one.
+
+    Raises:
+        GeometryError: parts that do not fit the faces.
+    """
+    config = config or AtlasConfig()
+    if len(parts) != len(surface.faces):
+        raise GeometryError(
+            f"atlas: {len(parts)} part labels for {len(surface.faces)} faces; give one a face"
+        )
+    try:
+        with program or ChartProgram() as running:
+            return chart_atlas(surface, parts, config, running)
+    except (GeometryError, subprocess.SubprocessError) as error:
+        return plain_atlas(surface, parts, config, reason=str(error))
+
+
+def chart_atlas(
+    surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig, program: ChartProgram
+) -> Atlas:
+    """xatlas's charts, one mesh a part.
+
+    Raises:
+        GeometryError: a face was left out or has no room in the texture.
+        SubprocessError: xatlas crashed or ran out of time.
+    """
+    labels = np.unique(parts)
+    chosen = [np.flatnonzero(parts == label) for label in labels]
+    arrays = {"resolution": np.array(config.packing), "padding": np.array(config.padding)}
+    originals = []
+    for index, (label, faces) in enumerate(zip(labels, chosen, strict=True)):
+        mesh = compact(surface.vertices, surface.faces[faces])
+        originals.append(np.unique(surface.faces[faces]))
+        arrays[f"positions_{index}"] = (mesh.vertices * dict(config.scales).get(int(label), 1.0)).astype(
+            np.float32
+        )
+        arrays[f"faces_{index}"] = mesh.faces.astype(np.uint32)
+    result = program.run(arrays, config.time_limit * max(1.0, len(parts) / 10_000))
+    faces, uv, vertex_map, first = np.full(surface.faces.shape, -1), [], [], 0
+    for index, (original, rows) in enumerate(zip(originals, chosen, strict=True)):
+        split = result[f"faces_{index}"].astype(np.int64)
+        if len(split) != len(rows):
+            raise GeometryError(
+                f"atlas: xatlas returned {len(split)} of {len(rows)} faces of part {labels[index]}"
+            )
+        faces[rows] = split + first
+        vertex_map.append(original[result[f"vertices_{index}"].astype(np.int64)])
+        uv.append(result[f"uv_{index}"])
+        first += len(uv[-1])
+    atlas = Atlas(
+        vertex_map=np.concatenate(vertex_map),
+        uv=np.clip(np.concatenate(uv) / result["size"].max(), 0, 1).astype(np.float32),
+        faces=faces.astype(np.int64),
+    )
+    atlas = adopt(surface, atlas, largest=1 / config.texture_size)
+    check_atlas(surface, atlas)
+    return atlas
+
+
+def adopt(surface: Surface, atlas: Atlas, largest: float) -> Atlas:
+    """Lay the tiny faces that xatlas left out flat against a neighbour's chart, over the longest edge they
+    share; the vertices that they had of their own are dropped.
+
+    Raises:
+        GeometryError: one would stand out by more than `largest`, or has no neighbour in a chart.
+    """
+    twin = opposite_edges(surface.faces, len(surface.vertices)).reshape(-1, 3)
+    lengths = edge_lengths(surface, directed_edges(surface.faces)).reshape(-1, 3)
+    faces, uv, vertex_map = atlas.faces.copy(), atlas.uv.astype(np.float64), atlas.vertex_map
+    left = np.abs(uv_areas(atlas)) <= 0
+    for _ in range(ADOPTING_ROUNDS):
+        if not left.any():
+            break
+        usable = np.where((twin >= 0) & ~left[twin // 3], lengths, -1.0)
+        ready = np.flatnonzero(left & (usable.max(axis=1) > 0))
+        edge = usable[ready].argmax(axis=1)
+        neighbour, side = np.divmod(twin[ready, edge], 3)
+        start, end = faces[neighbour, (side + 1) % 3], faces[neighbour, side]
+        tip = surface.faces[ready, (edge + 2) % 3]
+        ends = surface.vertices[vertex_map[np.stack([start, end])]]
+        place, height = unfold(
+            *ends, surface.vertices[tip], uv[start], uv[end], uv[faces[neighbour, (side + 2) % 3]]
+        )
+        if height.max(initial=0) > largest:
+            raise GeometryError(
+                f"atlas: xatlas left out a face that is {height.max() / largest:.1f} texels high"
+            )
+        new = len(uv) + np.arange(len(ready))
+        for corner, vertices in enumerate((start, end, new)):
+            faces[ready, (edge + corner) % 3] = vertices
+        uv, vertex_map = np.concatenate([uv, place]), np.concatenate([vertex_map, tip])
+        left[ready] = False
+    named, corner = np.unique(faces, return_inverse=True)
+    return Atlas(
+        vertex_map=vertex_map[named],
+        uv=np.clip(uv[named], 0, 1).astype(np.float32),
+        faces=corner.reshape(faces.shape).astype(np.int64),
+    )
+
+
+def unfold(
+    start: Float64[np.ndarray, "N 3"],
+    end: Float64[np.ndarray, "N 3"],
+    tip: Float64[np.ndarray, "N 3"],
+    uv_start: Float64[np.ndarray, "N 2"],
+    uv_end: Float64[np.ndarray, "N 2"],
+    uv_behind: Float64[np.ndarray, "N 2"],
+) -> tuple[Float64[np.ndarray, "N 2"], Float64[np.ndarray, " N"]]:
+    """Where the tip of a triangle lies in the texture, turned about an edge away from `uv_behind`; and its
+    height there."""
+    edge, uv_edge = end - start, uv_end - uv_start
+    length = np.maximum(np.linalg.norm(edge, axis=1), 1e-12)
+    along = np.einsum("nd,nd->n", tip - start, edge) / length**2
+    rise = np.linalg.norm(tip - start - along[:, None] * edge, axis=1) / length
+    across = np.stack([-uv_edge[:, 1], uv_edge[:, 0]], axis=1)
+    away = -np.sign(np.einsum("nd,nd->n", across, uv_behind - uv_start))
+    place = uv_start + along[:, None] * uv_edge + (away * rise)[:, None] * across
+    return place, rise * np.linalg.norm(uv_edge, axis=1)
+
+
+def check_atlas(surface: Surface, atlas: Atlas) -> None:
+    """Every face keeps its vertices and has room in the texture.
+
+    Raises:
+        GeometryError: one does not.
+    """
+    if not np.array_equal(atlas.vertex_map[atlas.faces], surface.faces):
+        raise GeometryError("atlas: xatlas changed the faces")
+    flat = (np.abs(uv_areas(atlas)) <= 0) & (face_areas(surface) > NO_AREA)
+    if flat.any():
+        raise GeometryError(f"atlas: {int(flat.sum())} faces have no room in the texture")
+
+
+def uv_areas(atlas: Atlas) -> Float64[np.ndarray, " F"]:
+    """Signed area of each face in the texture, of 1 in all."""
+    a, b, c = (atlas.uv[atlas.faces[:, corner]].astype(np.float64) for corner in range(3))
+    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+def plain_atlas(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig, reason: str) -> Atlas:
+    """Every face alone: laid flat, and two to a square cell of an even grid."""
+    del parts  # one density for all
+    count = len(surface.faces)
+    columns = int(np.ceil(np.sqrt((count + 1) // 2)))
+    cell = 1.0 / columns
+    margin = min(MARGIN / config.texture_size, 0.2 * cell)
+    index = np.arange(count)
+    corner = np.stack([index // 2 % columns, index // 2 // columns], axis=1) * cell
+    lower = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) * (cell - 3 * margin) + margin
+    upper = cell - lower
+    uv = corner[:, None] + np.where((index % 2 == 0)[:, None, None], lower, upper)
+    return Atlas(
+        vertex_map=surface.faces.reshape(-1).copy(),
+        uv=uv.reshape(-1, 2).astype(np.float32),
+        faces=np.arange(3 * count).reshape(-1, 3),
+        plain=reason,
+    )

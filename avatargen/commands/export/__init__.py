@@ -1,0 +1,1 @@
+"""avatar-export: from a seed to a file."""

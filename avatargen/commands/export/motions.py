@@ -1,0 +1,73 @@
+"""The animations that avatar-export was asked for: built-in clips and motion files, retimed and mirrored."""
+
+from argparse import Namespace
+from collections.abc import Sequence
+
+from assets import Asset
+from assets.asset.animate import figure_of
+from avatargen.errors import InputError
+from avatargen.motion.motion import Motion, in_place, mirrored, retimed
+
+
+def load_motions(given: Namespace) -> tuple[Motion, ...]:
+    """The motion files, as they are.
+
+    Raises:
+        InputError: a file is no motion, or two animations would have one name.
+    """
+    names = [*given.clip, *(path.stem for path in given.motion)]
+    if len(set(names)) < len(names):
+        raise InputError(f"found animations {', '.join(names)}; give each once, and files names of their own")
+    if not given.motion:
+        return ()
+    from avatargen.motion.amass import load_motion
+
+    return tuple(load_motion(path) for path in given.motion)
+
+
+def finish_motions(given: Namespace, files: Sequence[Motion], asset: Asset) -> tuple[Motion, ...]:
+    """Clips made for the asset's person, then the files' motions, all as the options want them.
+
+    Raises:
+        InputError: the body lacks a joint that a clip moves, or a motion would have too many frames.
+    """
+    motions = [*make_clips(given.clip, asset), *files]
+    if given.mirror:
+        motions = [mirrored(motion) for motion in motions]
+    if given.in_place:
+        motions = [in_place(motion) for motion in motions]
+    return tuple(retimed(motion, given.fps, given.speed) for motion in motions)
+
+
+def make_clips(names: Sequence[str], asset: Asset) -> list[Motion]:
+    """Built-in clips for the asset's person. Raises InputError where its body lacks a joint they move."""
+    if not names:
+        return []
+    from avatargen.motion.clips import make_clip  # scipy's splines take .2 s to load
+
+    figure = figure_of(asset)
+    return [make_clip(name, figure) for name in names]
+
+
+def tell_of_bad_frames(motions: Sequence[Motion]) -> list[str]:
+    """A line for each file in which frames were bad and have been filled."""
+    bad = [motion for motion in motions if motion.bad_frames]
+    if not bad:
+        return []
+    from avatargen.motion.amass import in_ranges
+
+    return [
+        f"{motion.name}: {len(motion.bad_frames)} bad frames, filled from their neighbours: "
+        f"{in_ranges(motion.bad_frames)}"
+        for motion in bad
+    ]
+
+
+def motion_facts(motion: Motion) -> dict[str, object]:
+    """What a report says of an animation."""
+    return {
+        "name": motion.name,
+        "frames": len(motion.times),
+        "seconds": round(motion.seconds, 4),
+        "bad_frames": list(motion.bad_frames),
+    }

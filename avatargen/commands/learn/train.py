@@ -1,0 +1,138 @@
+"""avatargen train: learn people from pictures; the same command resumes.
+
+avatargen train --preset cpu --data data/train --out runs/first
+avatargen train --preset cpu --data data/train --out runs/second --start-from shipped
+accelerate launch --num_processes 2 -m avatargen.commands.learn.train --preset gpu --data ... --out ...
+"""
+
+import itertools
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from avatargen.commands.line import run_command
+from avatargen.errors import InputError
+from avatargen.training.adversarial_config import PRESETS, AdversarialConfig
+
+if TYPE_CHECKING:
+    from accelerate import Accelerator
+
+PROGRAM = "avatargen train"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What the command was asked for; `parse` says what each is."""
+
+    data: Path
+    out: Path
+    preset: str
+    start_from: str | None
+    body: Path | None
+    training: AdversarialConfig
+    dry_run: bool
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    return run_command(PROGRAM, lambda: run(parse(words)))
+
+
+def parse(words: list[str]) -> Options:
+    """The options, with the preset named among them as the default of every other setting."""
+    import tyro
+
+    chosen = PRESETS[preset_of(words)]
+
+    def options(
+        data: Path,
+        out: Path,
+        preset: Literal["debug", "cpu", "gpu", "paper"],
+        start_from: str | None = None,
+        body: Path | None = None,
+        training: AdversarialConfig = chosen,
+        dry_run: bool = False,
+    ) -> Options:
+        """Learn people from pictures, adversarially. Run the same command again to resume.
+
+        Args:
+            data: Folder of pictures with dataset.json.
+            out: Folder of the run.
+            preset: Where the settings start from; every one of them can be changed.
+            start_from: Weights to begin with: a file, or `shipped` for those of the package.
+            body: The body that the labels are of, where it is not the shipped one.
+            dry_run: Print the settings and stop.
+        """
+        return Options(
+            data=data,
+            out=out,
+            preset=preset,
+            start_from=start_from,
+            body=body,
+            training=training,
+            dry_run=dry_run,
+        )
+
+    return tyro.cli(options, prog=PROGRAM, args=words)
+
+
+def preset_of(words: list[str]) -> str:
+    """The preset named in the arguments; it decides the other settings' defaults.
+
+    Raises:
+        InputError: it is none.
+    """
+    named = [after for word, after in itertools.pairwise(words) if word == "--preset"]
+    named += [word.removeprefix("--preset=") for word in words if word.startswith("--preset=")]
+    name = named[-1] if named else "cpu"
+    if name not in PRESETS:
+        raise InputError(f"found --preset {name}; choose one of {', '.join(PRESETS)}")
+    return name
+
+
+def run(options: Options) -> None:
+    """Open the data, load the weights to start from, and train."""
+    from avatargen.avatar import shipped, training_body
+    from avatargen.data.dataset import open_pictures
+    from avatargen.generator.checkpoint import load_checkpoint
+    from avatargen.training.adversarial import train
+
+    config = options.training
+    if options.dry_run:
+        print(config)
+        return
+    pictures = open_pictures(options.data, config.render.image_size)
+    path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
+    accelerator = accelerator_for(config)
+    train(
+        config,
+        pictures,
+        training_body(options.body),
+        options.out,
+        accelerator,
+        lambda line: print(line, flush=True),
+        load_checkpoint(path) if path else None,
+    )
+    if accelerator.is_main_process:
+        print(options.out / "generator.safetensors")
+
+
+def accelerator_for(config: AdversarialConfig) -> "Accelerator":
+    """The machine's devices and processes, if they know the wanted precision.
+
+    Raises:
+        InputError: fp16 is wanted and there is no GPU.
+    """
+    import torch
+    from accelerate import Accelerator
+
+    gpu = torch.cuda.is_available()
+    if config.precision == "fp16" and not gpu:
+        raise InputError("found no GPU, which precision fp16 needs; take bf16 or no")
+    return Accelerator(cpu=not gpu)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

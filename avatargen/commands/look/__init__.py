@@ -1,0 +1,1 @@
+"""Looking at files and seeds from the command line."""

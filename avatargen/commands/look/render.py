@@ -1,0 +1,184 @@
+"""avatargen render: pictures of a person by seed or file, from chosen sides, in a pose, turning or moving.
+
+Only what bad arguments need is imported at the top.
+"""
+
+from argparse import Namespace
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from avatargen.atomic import check_writable
+from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
+from avatargen.errors import InputError
+
+if TYPE_CHECKING:
+    from assets.asset.asset import PlainAsset
+    from assets.picture.preview import PreviewConfig
+
+PROGRAM = "avatargen render"
+RESTS = ("a", "t", "x")
+EXAMPLES = """\
+examples:
+  avatargen render 3                                    # avatar_3.png: front, back and face
+  avatargen render 3 --pose wave --views quarter --out wave.png
+  avatargen render avatar_3.glb --turntable avatar_3.gif
+  avatargen render 3 --clip walk --views quarter --out walk.mp4
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    return run_command(PROGRAM, lambda: run(parse(arguments)))
+
+
+def parse(arguments: Sequence[str] | None) -> Namespace:
+    parser = OneLineParser(
+        PROGRAM,
+        description="Draw a person, given by seed or as a .glb file, into a picture, a turntable or a film.",
+        examples=EXAMPLES,
+    )
+    add = parser.add_argument
+    add("source", metavar="SEED|FILE.glb", help="which person, or a file that avatar-export wrote")
+    add(
+        "--out",
+        type=Path,
+        metavar="FILE.png",
+        help="still picture, or film with --clip (default: avatar_SEED.png or FILE.png here)",
+    )
+    add("--turntable", type=Path, metavar="FILE.gif|webp|mp4", help="one turn around the person, as a film")
+    add(
+        "--pose",
+        metavar="NAME|FILE.npz",
+        help="a, t, x, stand, walk, wave, sit, fist, spread, point, or a pose file (default: as it rests)",
+    )
+    add("--clip", choices=("idle", "walk", "wave", "range"), help="play a built-in clip, on the spot")
+    add("--rest", choices=RESTS, default="a", help="the pose a file rests in (default: a)")
+    add("--views", default="front,back,face", metavar="LIST", help="front, quarter, left, back, right, face")
+    add("--height", type=whole_number(32, 4096), metavar="N", help="pixels (default: 768; turntable: 480)")
+    add("--frames", type=whole_number(2, 360), default=36, metavar="N", help="of a turn (default: 36)")
+    add("--seconds", type=whole_number(1, 60), default=4, metavar="N", help="of a turn (default: 4)")
+    add("--fps", type=whole_number(1, 60), default=25, metavar="N", help="pictures a second (default: 25)")
+    add("--wireframe", action="store_true", help="show the triangles")
+    add("--transparent", action="store_true", help="no background; the shadow stays")
+    add("--weights", type=Path, metavar="FILE", help="other weights than the shipped ones")
+    add("--body", type=Path, metavar="FILE", help="another body in SMPL's format")
+    return parser.parse_args(arguments)
+
+
+def run(given: Namespace) -> None:
+    """Check, get the asset, draw, write; the paths written are printed.
+
+    Raises:
+        AvatarGenError: an argument, a file or a field is bad; then nothing is written.
+    """
+    seed = read_seed(given.source)
+    still, film = outputs(given, seed)
+    if given.clip and given.pose:
+        raise InputError("found --clip and --pose, of which each decides how the person stands; give one")
+    films = {".gif", ".webp", ".mp4"}
+    for path, suffixes in ((still, films if given.clip else {".png"}), (film, films)):
+        if path is not None and path.suffix.lower() not in suffixes:
+            raise InputError(f"found {path}; give a name that ends in {' or '.join(sorted(suffixes))}")
+        if path is not None:
+            check_writable(path)
+    from assets.picture.preview import PreviewConfig, render, turntable
+    from avatargen.atomic import write_together
+    from exporters.film import FILMS
+    from exporters.png import encode_png
+
+    def config(height: int) -> PreviewConfig:
+        return PreviewConfig(
+            height=given.height or height,
+            views=tuple(given.views.split(",")),
+            wireframe=given.wireframe,
+            transparent=given.transparent,
+        )
+
+    config(32)  # complains before the work
+    asset = in_pose(load(given, seed), given)
+    files: list[tuple[Path, bytes]] = []
+    if still is not None and given.clip:
+        files.append((still, play(asset, given, still.suffix.lower(), config(480))))
+    elif still is not None:
+        files.append((still, encode_png(render(asset, config(768)))))
+    if film is not None:
+        frames = turntable(asset, given.frames, config(480))
+        files.append((film, FILMS[film.suffix.lower()](frames, float(given.seconds))))
+    write_together(files)
+    for path, _ in files:
+        print(path)
+
+
+def read_seed(source: str) -> int | None:
+    """The seed, or None where the source is a file.
+
+    Raises:
+        InputError: it is neither.
+    """
+    if source.isascii() and source.isdigit() and len(source) < 30 and int(source) <= LARGEST_SEED:
+        return int(source)
+    if Path(source).suffix.lower() != ".glb" or not Path(source).is_file():
+        raise InputError(f"found {source!r}, which is no seed and no .glb file; give one of them")
+    return None
+
+
+def outputs(given: Namespace, seed: int | None) -> tuple[Path | None, Path | None]:
+    """Where the still picture and the film go; with neither named, a still picture here."""
+    if given.out is None and given.turntable is None:
+        stem = Path(given.source).stem if seed is None else f"avatar_{seed}"
+        return Path(f"{stem}_{given.clip}.webp" if given.clip else f"{stem}.png"), None
+    return given.out, given.turntable
+
+
+def load(given: Namespace, seed: int | None) -> "PlainAsset":
+    """The person, built or read."""
+    if seed is None:
+        from exporters.read_glb import read_glb
+
+        return read_glb(given.source, given.rest)
+    from assets import BuildConfig, build
+    from avatargen import load_generator
+
+    sampler = load_generator(given.weights, body=given.body)
+    return build(sampler.sample(seed), BuildConfig(pose=given.rest))
+
+
+def play(asset: "PlainAsset", given: Namespace, suffix: str, config: "PreviewConfig") -> bytes:
+    """The clip as a film. Its last moment is its first and is left out, so that it plays for ever.
+
+    Raises:
+        InputError: there is no skeleton, or it lacks a joint that the clip moves.
+    """
+    from assets.asset.animate import animation_of, figure_of
+    from assets.asset.asset import Asset
+    from assets.picture.play import pictures
+    from avatargen.motion.clips import make_clip
+    from avatargen.motion.motion import in_place
+    from exporters.film import FILMS
+
+    if not isinstance(asset, Asset):
+        raise InputError(f"found --clip for {given.source}, which has no skeleton; leave the clip out")
+    motion = in_place(make_clip(given.clip, figure_of(asset), float(given.fps)))
+    frames = pictures(asset, animation_of(asset.skeleton, motion), config)[:-1]
+    return FILMS[suffix](frames, motion.seconds)
+
+
+def in_pose(asset: "PlainAsset", given: Namespace) -> "PlainAsset":
+    """The person in the pose asked for.
+
+    Raises:
+        InputError: no such pose, or no skeleton.
+    """
+    if given.pose is None:
+        return asset
+    from assets.asset.asset import Asset
+    from assets.asset.posed import posed
+    from avatargen.body.pose import load_pose
+    from avatargen.body.stance import limb_rotations, stance
+
+    if not isinstance(asset, Asset):
+        raise InputError(f"found --pose for {given.source}, which has no skeleton; leave the pose out")
+    names = asset.skeleton.joint_names
+    if given.pose.lower().endswith(".npz"):
+        return posed(asset, load_pose(given.pose, names))
+    return posed(asset, limb_rotations(stance(given.pose.lower()), names))
