@@ -24,8 +24,8 @@ from avatargen import __version__
 from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.load import save_body
 from avatargen.body.model import canonical_body
-from avatargen.commands import export_run
-from avatargen.commands.export import avatar_export
+from avatargen.commands.export import avatar_export, options
+from avatargen.export import one
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
 from avatargen.generator.generator import AvatarGenerator
@@ -120,7 +120,7 @@ def test_seed_to_file_with_report_and_preview(model: Model, capsys: pytest.Captu
 
 def test_every_format_from_the_command(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
     """The command knows what `exporters` writes; the report names every file, the last line one."""
-    assert {f".{name}" for name in avatar_export.FORMATS} == set(exporters.FORMATS)
+    assert {f".{name}" for name in options.FORMATS} == set(exporters.FORMATS)
     arguments = ["--seed", "3", "--format", "USDA", "--report", "r.json", "--preview", "avatar_3.png"]
     assert avatar_export.main([*arguments, *model.options]) == 0
     assert capsys.readouterr().out == "avatar_3.usda\n"
@@ -302,7 +302,7 @@ def test_interruption_leaves_what_was_there(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(export_run, stage, interrupt)
+    monkeypatch.setattr(one, stage, interrupt)
     Path("avatar_3.glb").write_bytes(b"mine")
     assert avatar_export.main(["--seed", "3", "--report", "r.json", *model.options]) == 130
     assert capsys.readouterr() == ("", "avatar-export: interrupted; nothing was written\n")

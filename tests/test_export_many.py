@@ -14,10 +14,10 @@ import pygltflib
 import pytest
 
 from avatargen.commands.export import avatar_export
-from avatargen.commands.export import many as export_many
-from avatargen.commands.export.manifest import NAME, Row, open_manifest
-from avatargen.commands.export.many import Worker, bury
 from avatargen.errors import AvatarGenError, InputError
+from avatargen.export import many as export_many
+from avatargen.export.manifest import NAME, Row, open_manifest
+from avatargen.export.many import Worker, bury
 from tests.test_avatar_export import Model, command, in_an_empty_folder, model, outside
 
 __all__ = ["in_an_empty_folder", "model"]  # fixtures
