@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.load import save_body
 from avatargen.body.model import canonical_body
 from avatargen.commands.export import avatar_export, options
+from avatargen.errors import InputError
 from avatargen.export import one
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
@@ -178,6 +179,21 @@ def test_python_does_what_the_command_does(model: Model) -> None:
     asset = assets.build(avatar, assets.BuildConfig(resolution=96, faces=2000, texture=128))
     exporters.export(asset, "python.glb")
     assert Path("python.glb").read_bytes() == Path("command.glb").read_bytes()
+
+    build = assets.BuildConfig(resolution=96, faces=2000, texture=128)
+    request = avatargen.ExportRequest(
+        seeds=5, weights=model.weights, body=model.body, build=build, out=Path("request.glb")
+    )
+    exported = avatargen.export_avatar(request)
+    assert exported.path.read_bytes() == Path("command.glb").read_bytes()
+    assert exported.bytes == Path("request.glb").stat().st_size
+    before = sorted(os.listdir())
+    for other in (replace(request, dry_run=True), replace(request, seeds=range(2), out=Path("many"))):
+        with pytest.raises(InputError, match="wanted one seed"):
+            avatargen.export_avatar(other)
+    with pytest.raises(InputError, match="wanted a range"):
+        avatargen.export_many(request)
+    assert sorted(os.listdir()) == before
 
 
 def test_levels_of_detail_in_one_flawless_file(model: Model, capsys: pytest.CaptureFixture[str]) -> None:

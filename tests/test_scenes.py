@@ -1,6 +1,7 @@
 """Scenes, content, tolerance and budget of avatar-export: chosen as measured, reported as it went."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -138,6 +139,17 @@ def test_a_tolerance_takes_the_cheapest_and_goes_on_until_it_is_kept(tmp_path) -
     missed = export(tmp_path, "--tolerance", "0.5mm", "--texture", "32")
     assert missed["settings"]["faces"] == 4000
     assert missed["fit"]["achieved"]["p99_mm"] > 0.5
+
+
+@pytest.mark.usefixtures("curves")
+def test_settings_are_chosen_in_python_as_by_the_command() -> None:
+    near = choose_settings(tolerance_mm=25.0)
+    assert (near.resolution, near.faces, near.texture) == (64, 500, BuildConfig().texture)
+    crowd = replace(BuildConfig.for_scene("crowd"), texture=32)
+    assert choose_settings(crowd, budget_s=4.0) == replace(crowd, resolution=96, faces=2000)
+    for wish in ({}, {"tolerance_mm": 1.0, "budget_s": 4.0}):
+        with pytest.raises(InputError, match="one of them"):
+            choose_settings(**wish)
 
 
 @pytest.mark.usefixtures("curves")

@@ -117,7 +117,7 @@ class ExportRequest:
 def check_seeds(seeds: int | range) -> None:
     """Raises InputError where a seed is none, or there are none."""
     numbers = seeds if isinstance(seeds, range) else (seeds,)
-    if len(numbers) == 0 or not 0 <= min(numbers) <= max(numbers) <= LARGEST_SEED:
+    if not numbers or not all(0 <= number <= LARGEST_SEED for number in (numbers[0], numbers[-1])):
         raise InputError(f"seeds: found {seeds!r}, wanted whole numbers from 0 to 2^63 - 1")
 
 

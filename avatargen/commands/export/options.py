@@ -107,7 +107,7 @@ def add_file_options(group: _ArgumentGroup) -> None:
         "--out",
         type=Path,
         metavar="FILE",
-        help="where to write (default: avatar_SEED.FORMAT here); a folder with --seeds",
+        help="where to write; a folder with --seeds (default: avatar_SEED.FORMAT here)",
     )
     add(
         "--format",
@@ -118,7 +118,7 @@ def add_file_options(group: _ArgumentGroup) -> None:
     add(
         "--compress",
         choices=("none", "quantize"),
-        help="quantize: round the mesh's numbers to 8 and 16 bits (glb and gltf alone; default: none)",
+        help="quantize: round the mesh's numbers to 8 and 16 bits, in glb and gltf alone (default: none)",
     )
     add(
         "--report",
@@ -201,14 +201,14 @@ def add_picture_options(group: _ArgumentGroup) -> None:
     add(
         "--texture-format",
         choices=PICTURES,
-        help="how pictures are stored: png (default), jpeg, or webp (glb and gltf alone)",
+        help="how pictures are stored; webp in glb and gltf alone (default: png)",
     )
 
 
 def add_rig_options(group: _ArgumentGroup) -> None:
     """Skeleton, names and sliders."""
     add = group.add_argument
-    add("--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton (default: a); vrm wants t")
+    add("--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton; vrm wants t (default: a)")
     add(
         "--joints",
         choices=("all", "24", "moving"),
@@ -257,7 +257,10 @@ def add_work_options(group: _ArgumentGroup) -> None:
     add = group.add_argument
     add("--device", metavar="NAME", help="cpu or cuda (default: cpu)")
     add(
-        "--jobs", type=whole_number(1, 1000), metavar="N", help="how many processes make --seeds (default: 1)"
+        "--jobs",
+        type=whole_number(1, 1000),
+        metavar="N",
+        help="how many processes make --seeds (default: 1, with --ray all)",
     )
     add(
         "--ray",
