@@ -10,6 +10,7 @@ from jaxtyping import Float
 from assets.asset.bones import Bones
 from assets.isosurface.extract import ExtractConfig
 from assets.plan import Content, Joints, Plan, make_plan
+from assets.scenes import find_scene
 from assets.simplify.simplify import SimplifyConfig
 from assets.texture.atlas import AtlasConfig
 from assets.texture.bake import BakeConfig
@@ -65,6 +66,23 @@ class BuildConfig:
         BakeConfig(texture_size=self.normal_map or self.texture)
         BakeConfig(texture_size=self.ambient_occlusion or self.texture)
         self.plan()
+
+    @classmethod
+    def for_scene(cls, name: str) -> "BuildConfig":
+        """What a scene needs: `hero`, `game`, `crowd`, `print`, `ar` or `still`.
+
+        Raises:
+            InputError: no scene has that name.
+        """
+        scene = find_scene(name)
+        return cls(
+            content=scene.content,
+            resolution=scene.resolution,
+            faces=scene.faces,
+            texture=scene.texture,
+            normal_map=scene.normal_map,
+            joints=scene.joints,
+        )
 
     def plan(self) -> Plan:
         """The stages that this takes. Raises InputError for settings that do not go together."""

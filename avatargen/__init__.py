@@ -3,22 +3,32 @@
 generator = avatargen.load_generator()
 avatar = generator.sample(seed=3)
 avatar.sdf(points), avatar.color(points)
+avatargen.export_avatar(avatargen.ExportRequest(seeds=3, out=Path("person.glb")))
 
 Importing the package is light; torch is loaded with the first name that needs it.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from avatargen.avatar import Avatar, load_generator
+    from avatargen.export.many import export_many
+    from avatargen.export.one import export_avatar
+    from avatargen.export.request import ExportRequest
 
 __version__ = "0.1.0"
-__all__ = ["Avatar", "__version__", "load_generator"]
+MODULE_OF = {
+    "Avatar": "avatar",
+    "ExportRequest": "export.request",
+    "export_avatar": "export.one",
+    "export_many": "export.many",
+    "load_generator": "avatar",
+}
+__all__ = ["Avatar", "ExportRequest", "__version__", "export_avatar", "export_many", "load_generator"]
 
 
 def __getattr__(name: str) -> object:
-    if name in ("Avatar", "load_generator"):
-        from avatargen import avatar
-
-        return getattr(avatar, name)
+    if name in MODULE_OF:
+        return getattr(import_module(f"avatargen.{MODULE_OF[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

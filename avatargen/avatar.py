@@ -8,7 +8,6 @@ shape.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +29,7 @@ from avatargen.generator.gathering import Gathering, gathering_of
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.person_field import PersonField
 from avatargen.generator.planes import plane_table
+from avatargen.shipped import shipped
 from avatargen.threads import spread
 
 LARGEST_SEED = 2**63 - 1
@@ -229,11 +229,6 @@ def require_exportable(config: GeneratorConfig) -> None:
             f"weights: trained with {geometry.representation}, prior {geometry.prior}, distance "
             f"{geometry.distance}; only sdf, canonical, residual has a canonical surface to export"
         )
-
-
-def shipped(name: str) -> Path:
-    """A file that comes with the package."""
-    return Path(str(resources.files("avatargen"))) / "pretrained" / name
 
 
 def training_body(path: Path | None = None) -> Body:

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,9 @@ from avatargen import __version__
 from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.load import save_body
 from avatargen.body.model import canonical_body
-from avatargen.commands import export_run
-from avatargen.commands.export import avatar_export
+from avatargen.commands.export import avatar_export, options
+from avatargen.errors import InputError
+from avatargen.export import one
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
 from avatargen.generator.generator import AvatarGenerator
@@ -120,7 +121,7 @@ def test_seed_to_file_with_report_and_preview(model: Model, capsys: pytest.Captu
 
 def test_every_format_from_the_command(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
     """The command knows what `exporters` writes; the report names every file, the last line one."""
-    assert {f".{name}" for name in avatar_export.FORMATS} == set(exporters.FORMATS)
+    assert {f".{name}" for name in options.FORMATS} == set(exporters.FORMATS)
     arguments = ["--seed", "3", "--format", "USDA", "--report", "r.json", "--preview", "avatar_3.png"]
     assert avatar_export.main([*arguments, *model.options]) == 0
     assert capsys.readouterr().out == "avatar_3.usda\n"
@@ -178,6 +179,21 @@ def test_python_does_what_the_command_does(model: Model) -> None:
     asset = assets.build(avatar, assets.BuildConfig(resolution=96, faces=2000, texture=128))
     exporters.export(asset, "python.glb")
     assert Path("python.glb").read_bytes() == Path("command.glb").read_bytes()
+
+    build = assets.BuildConfig(resolution=96, faces=2000, texture=128)
+    request = avatargen.ExportRequest(
+        seeds=5, weights=model.weights, body=model.body, build=build, out=Path("request.glb")
+    )
+    exported = avatargen.export_avatar(request)
+    assert exported.path.read_bytes() == Path("command.glb").read_bytes()
+    assert exported.bytes == Path("request.glb").stat().st_size
+    before = sorted(os.listdir())
+    for other in (replace(request, dry_run=True), replace(request, seeds=range(2), out=Path("many"))):
+        with pytest.raises(InputError, match="wanted one seed"):
+            avatargen.export_avatar(other)
+    with pytest.raises(InputError, match="wanted a range"):
+        avatargen.export_many(request)
+    assert sorted(os.listdir()) == before
 
 
 def test_levels_of_detail_in_one_flawless_file(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
@@ -302,7 +318,7 @@ def test_interruption_leaves_what_was_there(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(export_run, stage, interrupt)
+    monkeypatch.setattr(one, stage, interrupt)
     Path("avatar_3.glb").write_bytes(b"mine")
     assert avatar_export.main(["--seed", "3", "--report", "r.json", *model.options]) == 130
     assert capsys.readouterr() == ("", "avatar-export: interrupted; nothing was written\n")

@@ -7,6 +7,7 @@ import pytest
 import torch
 from shapes import BOX, icosphere, sphere
 
+from assets.choose import Choice, within_budget, within_tolerance
 from assets.mesh.surface import Surface, smallest_angles
 from assets.texture.atlas import Atlas
 from avatargen.avatar import load_generator
@@ -23,7 +24,6 @@ from avatargen.commands.bench.truth import (
     sample,
     texture_psnr,
 )
-from avatargen.commands.export.choose import Choice, within_budget, within_tolerance
 from avatargen.errors import InputError
 
 

@@ -103,7 +103,7 @@ main(["--help"])
 """
 
 
-@pytest.mark.parametrize("command", ["avatar_export", "main"])
+@pytest.mark.parametrize("command", ["export.avatar_export", "main"])
 def test_help_answers_at_once_and_imports_nothing_heavy(command: str) -> None:
     seconds = []
     for _ in range(3):

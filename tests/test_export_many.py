@@ -13,11 +13,13 @@ from typing import Any
 import pygltflib
 import pytest
 
+import avatargen
 from avatargen.commands.export import avatar_export
-from avatargen.commands.export import many as export_many
-from avatargen.commands.export.manifest import NAME, Row, open_manifest
-from avatargen.commands.export.many import Worker, bury
+from avatargen.commands.export.options import parse
 from avatargen.errors import AvatarGenError, InputError
+from avatargen.export import many as export_many
+from avatargen.export.manifest import NAME, Row, open_manifest
+from avatargen.export.many import Worker, bury
 from tests.test_avatar_export import Model, command, in_an_empty_folder, model, outside
 
 __all__ = ["in_an_empty_folder", "model"]  # fixtures
@@ -84,6 +86,10 @@ def test_a_killed_worker_and_a_bad_seed_cost_one_seed_each(model: Model) -> None
         check_row(folder, seed, last[seed])
     assert {name: (folder / name).stat().st_mtime_ns for name in before} == before
     assert sorted(path.suffix for path in folder.iterdir()) == [".glb"] * 6 + [".json", ".jsonl"]
+
+    batch = avatargen.export_many(parse(words))  # what the command calls: all are there
+    assert (batch.made, batch.failed, batch.manifest) == (0, (), folder / NAME)
+    assert [row.seed for row in batch.rows] == list(range(6))
 
     one = [*model.options, "--seed", "4", "--out", "one.glb"]
     assert avatar_export.main(one) == 0

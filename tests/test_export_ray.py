@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from avatargen.commands.export import avatar_export
-from avatargen.commands.export.manifest import NAME
+from avatargen.export.manifest import NAME
 from tests.test_avatar_export import Model, command, in_an_empty_folder, model, outside
 from tests.test_export_many import check_row, rows, wait_for
 

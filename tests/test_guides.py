@@ -16,10 +16,9 @@ from PIL import Image
 from avatargen.avatar import shipped
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.pose import load_pose
-from avatargen.commands.export import avatar_export
-from avatargen.commands.export.run import build_settings
+from avatargen.commands.export.options import parse
 from avatargen.motion.amass import load_motion
-from exporters import export, find_format
+from exporters import export
 from tests import browser
 from tests.figure import figure, in_motion
 from tests.verdicts import JUDGES, PROJECT
@@ -63,12 +62,14 @@ def commands() -> list[list[str]]:
 
 
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_commands_are_accepted(words: list[str]) -> None:
-    given = avatar_export.parse(words)
-    path = given.out if given.seeds is None else None
-    if given.pose is not None and given.pose.endswith(".npz"):
-        given.pose = None
-    build_settings(given, find_format(path or f"a.{given.format or 'glb'}"))
+def test_commands_are_accepted(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The files that they name are there; what these hold is not looked at."""
+    monkeypatch.chdir(tmp_path)
+    for word in words:
+        if word.endswith((".npz", ".pkl", ".safetensors")):
+            Path(word).parent.mkdir(parents=True, exist_ok=True)
+            Path(word).touch()
+    parse(words)
 
 
 def test_links_lead_somewhere() -> None:

@@ -14,15 +14,15 @@ import pytest
 import torch
 from PIL import Image
 
+from assets.choose import load_curves
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.load import load_body, save_body
 from avatargen.body.pose import load_pose
-from avatargen.commands.export.choose import load_curves
-from avatargen.commands.export.manifest import NAME, Row, open_manifest
 from avatargen.data import synth
 from avatargen.data.dataset import open_pictures
 from avatargen.data.folder import claim
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels
+from avatargen.export.manifest import NAME, Row, open_manifest
 from avatargen.generator.checkpoint import load_checkpoint, save_checkpoint
 from avatargen.motion.amass import load_motion
 from avatargen.training import adversarial_state

@@ -287,8 +287,9 @@ def test_public_names():
 
     assert sorted(assets.__all__) == sorted(
         [
-            *("Asset", "BuildConfig", "ExtractConfig", "GeometryError", "PlainAsset", "Surface"),
-            *("TexturedAsset", "animate", "build", "build_content", "extract", "figure_of", "with_levels"),
+            *("Asset", "BuildConfig", "ExtractConfig", "GeometryError", "PlainAsset", "SCENES", "Surface"),
+            *("TexturedAsset", "animate", "build", "build_content", "choose_settings", "extract"),
+            *("figure_of", "with_levels"),
         ]
     )
     assert assets.Asset is Asset

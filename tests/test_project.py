@@ -3,9 +3,11 @@
 import ast
 import itertools
 import re
+import subprocess
 import sys
 import tomllib
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -14,9 +16,13 @@ PROJECT = Path(__file__).parents[1]
 PACKAGES = ("avatargen", "assets", "exporters")
 # by install name
 MODULE_OF = {"pillow": "PIL", "libigl": "igl", "scikit-image": "skimage", "usd-core": "pxr"}
-# what each package may import of ours; only the commands see everything
+# what each package may import of ours; only the commands and the room of exports see everything
 ALLOWED = {"avatargen": {"avatargen"}, "assets": {"assets", "avatargen"}, "exporters": set(PACKAGES)}
-LEARNED = ("avatargen.generator", "avatargen.training", "avatargen.wardrobe", "avatargen.commands")
+LEARNED = ("avatargen.generator", "avatargen.training", "avatargen.wardrobe")
+EXPORT, COMMANDS = PROJECT / "avatargen" / "export", PROJECT / "avatargen" / "commands"
+FRONT = (
+    PROJECT / "avatargen" / "__init__.py"
+)  # names what the room of exports offers, and loads it when asked
 
 
 @cache
@@ -50,15 +56,24 @@ def third_party(files: list[Path]) -> set[str]:
     return tops - set(PACKAGES) - set(sys.stdlib_module_names)
 
 
+def ours(path: Path) -> set[str]:
+    return {module for module in imports_of(path) if module.split(".")[0] in PACKAGES}
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_imports_point_one_way(package: str) -> None:
+    """exporters -> assets -> avatargen; then avatargen/export sees all three, and the commands see it."""
     for path in files_of(package):
-        if path.is_relative_to(PROJECT / "avatargen" / "commands"):
+        modules = ours(path)
+        if path.is_relative_to(COMMANDS):
             continue
-        ours = {module for module in imports_of(path) if module.split(".")[0] in PACKAGES}
-        assert {module.split(".")[0] for module in ours} <= ALLOWED[package], path
+        assert not [module for module in modules if module.startswith("avatargen.commands")], path
+        if path.is_relative_to(EXPORT) or path == FRONT:
+            continue
+        assert not [module for module in modules if module.startswith("avatargen.export")], path
+        assert {module.split(".")[0] for module in modules} <= ALLOWED[package], path
         if package != "avatargen":
-            assert not [module for module in ours if module.startswith(LEARNED)], path
+            assert not [module for module in modules if module.startswith(LEARNED)], path
 
 
 def test_every_import_is_declared_and_every_dependency_used() -> None:
@@ -84,11 +99,32 @@ def test_public_names() -> None:
     import avatargen
     import exporters
 
-    assert {"load_generator", "Avatar", "__version__"} <= set(avatargen.__all__)
+    exported = {"ExportRequest", "export_avatar", "export_many"}
+    assert {"load_generator", "Avatar", "__version__"} | exported == set(avatargen.__all__)
     assert {"FORMATS", "Format", "encode", "export", "files_of", "find_format"} == set(exporters.__all__)
     for package in (assets, avatargen, exporters):
         for name in package.__all__:
             assert getattr(package, name) is not None
+
+
+def test_packages_are_light_and_their_names_load_what_they_need() -> None:
+    """What a package says it has for a type checker is what it loads."""
+    code = (
+        "import sys, assets, avatargen; print(sorted({'torch', 'numpy', 'numba'} & set(sys.modules)));"
+        "print([set(p.__all__) - {'__version__'} == set(p.MODULE_OF) for p in (assets, avatargen)])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=PROJECT, capture_output=True, text=True)
+    assert run.stdout.splitlines() == ["[]", "[True, True]"], run.stderr
+    for package in ("assets", "avatargen"):
+        tree = ast.parse((PROJECT / package / "__init__.py").read_text())
+        typed = {
+            alias.name: node.module
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(package)
+            for alias in node.names
+        }
+        loaded = {name: f"{package}.{module}" for name, module in import_module(package).MODULE_OF.items()}
+        assert typed == loaded
 
 
 def test_the_licences_travel_with_the_package() -> None:

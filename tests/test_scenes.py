@@ -1,6 +1,7 @@
 """Scenes, content, tolerance and budget of avatar-export: chosen as measured, reported as it went."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,10 +10,13 @@ import pytest
 import torch
 import trimesh
 
-from avatargen.commands.export import avatar_export, choose
-from avatargen.commands.export import run as export_run
-from avatargen.commands.export.scenes import SCENES
-from exporters import find_format
+from assets import BuildConfig, choose
+from assets.scenes import SCENES
+from avatargen.avatar import shipped
+from avatargen.commands.export import avatar_export
+from avatargen.commands.export.options import parse
+from avatargen.errors import InputError
+from avatargen.export.one import Stopwatch
 
 CURVES = {
     "field_us": 1.0,
@@ -48,7 +52,7 @@ def curves(tmp_path, monkeypatch) -> None:
     """Made-up curves on a machine as fast as the bench's."""
     path = tmp_path / "curves.json"
     path.write_text(json.dumps(CURVES))
-    monkeypatch.setattr("avatargen.commands.export.fitting.shipped", lambda name: path)
+    monkeypatch.setattr("assets.choose.shipped", lambda name: path)
     monkeypatch.setattr(choose, "measure_speed", lambda avatar: 1.0)
 
 
@@ -62,27 +66,27 @@ def export(tmp_path: Path, *options: str) -> dict:
 
 def test_every_scene_has_settings_that_its_format_holds() -> None:
     for name, scene in SCENES.items():
-        given = avatar_export.parse(["--seed", "1", "--scene", name])
-        path = avatar_export.output_path(given)
-        assert path.suffix == f".{scene.format}"
-        config = export_run.build_settings(given, find_format(path))
-        names = ("content", "resolution", "faces", "texture", "normal_map")
-        assert [getattr(config, each) for each in names] == [getattr(scene, each) for each in names]
+        request = parse(["--seed", "1", "--scene", name])
+        assert (request.format, request.scene) == (scene.format, name)
+        assert request.path_of(1) == Path(f"avatar_1.{scene.format}")
+        names = ("content", "resolution", "faces", "texture", "normal_map", "joints")
+        assert [getattr(request.build, each) for each in names] == [getattr(scene, each) for each in names]
+        assert BuildConfig.for_scene(name) == request.build
+    with pytest.raises(InputError, match="found scene 'opera', wanted one of hero"):
+        BuildConfig.for_scene("opera")
 
 
 def test_options_go_before_the_scene_and_the_format_limits_both() -> None:
-    given = avatar_export.parse(["--seed", "1", "--scene", "hero", "--faces", "900", "--format", "stl"])
-    config = export_run.build_settings(given, find_format("a.stl"))
+    config = parse(["--seed", "1", "--scene", "hero", "--faces", "900", "--format", "stl"]).build
     assert (config.faces, config.resolution, config.content) == (900, SCENES["hero"].resolution, "mesh")
     assert config.normal_map is None  # STL holds none
-    given = avatar_export.parse(["--seed", "1", "--scene", "hero", "--normal-map", "0"])
-    assert export_run.build_settings(given, find_format("a.glb")).normal_map is None
-    given = avatar_export.parse(["--seed", "1", "--scene", "print", "--format", "glb", "--content", "rigged"])
-    assert export_run.build_settings(given, find_format("a.glb")).faces == 20_000
+    assert parse(["--seed", "1", "--scene", "hero", "--normal-map", "0"]).build.normal_map is None
+    rigged = ["--seed", "1", "--scene", "print", "--format", "glb", "--content", "rigged"]
+    assert parse(rigged).build.faces == 20_000
 
 
 def test_the_shipped_curves_choose_finer_settings_for_smaller_errors() -> None:
-    curves = choose.load_curves(Path(choose.__file__).parents[1] / "pretrained" / "curves.json", None)
+    curves = choose.load_curves(shipped("curves.json"), None)
     choices = curves.choices(1024)
     errors = [choose.within_tolerance(choices, limit)[0].p99_mm for limit in (8.0, 2.0, 1.0)]
     assert errors == sorted(errors, reverse=True)
@@ -105,11 +109,9 @@ def test_ambient_occlusion_takes_six_questions_a_texel(tmp_path) -> None:
     found = choose.load_curves(path, None)
     with_map, without = (found.choices(64, None, size)[0].seconds for size in (1000, None))
     assert with_map - without == pytest.approx(6 * 0.6)  # seconds, at a microsecond a question
-    given = avatar_export.parse(["--seed", "1", "--ambient-occlusion", "512"])
-    assert export_run.build_settings(given, find_format("a.glb")).ambient_occlusion == 512
+    assert parse(["--seed", "1", "--ambient-occlusion", "512"]).build.ambient_occlusion == 512
     for options in ([], ["--ambient-occlusion", "0"]):
-        given = avatar_export.parse(["--seed", "1", "--scene", "hero", *options])
-        assert export_run.build_settings(given, find_format("a.glb")).ambient_occlusion is None
+        assert parse(["--seed", "1", "--scene", "hero", *options]).build.ambient_occlusion is None
 
 
 @pytest.mark.usefixtures("curves")
@@ -140,8 +142,19 @@ def test_a_tolerance_takes_the_cheapest_and_goes_on_until_it_is_kept(tmp_path) -
 
 
 @pytest.mark.usefixtures("curves")
+def test_settings_are_chosen_in_python_as_by_the_command() -> None:
+    near = choose_settings(tolerance_mm=25.0)
+    assert (near.resolution, near.faces, near.texture) == (64, 500, BuildConfig().texture)
+    crowd = replace(BuildConfig.for_scene("crowd"), texture=32)
+    assert choose_settings(crowd, budget_s=4.0) == replace(crowd, resolution=96, faces=2000)
+    for wish in ({}, {"tolerance_mm": 1.0, "budget_s": 4.0}):
+        with pytest.raises(InputError, match="one of them"):
+            choose_settings(**wish)
+
+
+@pytest.mark.usefixtures("curves")
 def test_a_budget_takes_the_best_that_has_room(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(export_run, "process_seconds", lambda: 2.0)
+    monkeypatch.setattr(Stopwatch, "total", lambda watch: 2.0)
     report = export(tmp_path, "--budget", "6s", "--texture", "32")
     assert report["settings"]["faces"] == 2000
     assert report["fit"]["predicted"]["seconds"] == pytest.approx(2.0 + 3.2)

@@ -142,7 +142,7 @@ def whole_number(low: int, high: int) -> Callable[[str], int]:
     return parse
 
 
-def seed_range(text: str) -> tuple[int, int]:
+def seed_range(text: str) -> range:
     """An argument type: A:B, both plain decimal numbers, A < B."""
     parts = text.split(":")
     plain = len(parts) == 2 and all(part.isascii() and part.isdigit() and len(part) < 20 for part in parts)
@@ -151,7 +151,7 @@ def seed_range(text: str) -> tuple[int, int]:
         raise argparse.ArgumentTypeError(
             f"found {text!r}, wanted A:B with A < B, at most {MOST_SEEDS} seeds apart"
         )
-    return first, end
+    return range(first, end)
 
 
 def quantity(unit: str) -> Callable[[str], float]:

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 Show = Callable[[str, float], None]  # what is being done now, share of the work behind it, 0..1
 
@@ -13,7 +13,21 @@ def progress_line() -> Iterator[Show]:
     if not sys.stderr.isatty():
         yield lambda doing, share: None
         return
-    from rich.console import Console  # only a terminal pays for it
+    with ExitStack() as line:
+        shown: list[Show] = []
+
+        def show(doing: str, share: float) -> None:
+            if not shown:
+                shown.append(line.enter_context(live_line()))
+            shown[0](doing, share)
+
+        yield show
+
+
+@contextmanager
+def live_line() -> Iterator[Show]:
+    """The line itself: only who shows something pays for its library."""
+    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description:20}"), BarColumn(), TimeElapsedColumn())

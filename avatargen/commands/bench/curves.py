@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import torch
 
+from assets.choose import SPEED_POINTS, speed_points
 from assets.field import ask
 from avatargen.avatar import Avatar
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.sweep import SurfaceRow, TextureRow
 from avatargen.commands.bench.tables import grouped, median
-from avatargen.commands.export.choose import SPEED_POINTS, speed_points
 
 ROUNDS = 3
 

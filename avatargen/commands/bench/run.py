@@ -127,9 +127,9 @@ def run_scenes(options: Options) -> None:
     import torch
 
     import avatargen
+    from assets.scenes import SCENES
     from avatargen.atomic import write_together
     from avatargen.commands.bench.scenes import measure_scenes, scene_page
-    from avatargen.commands.export.scenes import SCENES
 
     torch.set_num_threads(1)  # so that processor seconds are those of the clock on an idle machine
     options.out.mkdir(parents=True, exist_ok=True)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from assets.build_config import BuildConfig
 from assets.pipeline import build_content
+from assets.scenes import SCENES
 from avatargen.avatar import AvatarSampler
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.tables import table
-from avatargen.commands.export.scenes import SCENES
 from exporters import encode
 
 
@@ -31,14 +31,7 @@ def measure_scenes(generator: AvatarSampler, seed: int, names: Sequence[str]) ->
     """Every scene in its own format."""
     for name in names:
         scene = SCENES[name]
-        config = BuildConfig(
-            content=scene.content,
-            resolution=scene.resolution,
-            faces=scene.faces,
-            texture=scene.texture,
-            normal_map=scene.normal_map,
-            joints=scene.joints,
-        )
+        config = BuildConfig.for_scene(name)
         with measured() as cost:
             asset = build_content(generator.sample(seed), config)
             files = encode(asset, f"avatar.{scene.format}")

@@ -7,27 +7,26 @@ paths. A worker that dies costs the seed it was at; another takes its place.
 import logging
 import sys
 import time
-from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import redirect_stdout
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from avatargen.commands.export.manifest import Row
 from avatargen.errors import AvatarGenError, InputError
-
-FILES = ("out", "weights", "body")
+from avatargen.export.manifest import Row
+from avatargen.export.request import ExportRequest
 
 
 class Maker:
     """What runs in the cluster: loads once, then makes one seed after another."""
 
-    def __init__(self, given: Namespace) -> None:
-        from avatargen.commands.export.seed import SeedExporter
+    def __init__(self, request: ExportRequest) -> None:
+        from avatargen.export.seed import SeedExporter
 
         self.problem = ""
         try:
-            self.exporter = SeedExporter(given)
+            self.exporter = SeedExporter(request)
         except AvatarGenError as error:
             self.problem = str(error)
 
@@ -39,22 +38,22 @@ class Maker:
         return self.exporter.export(seed)
 
 
-def ray_outcomes(given: Namespace, todo: list[int]) -> Iterator[Row]:
+def ray_outcomes(address: str, request: ExportRequest, todo: list[int]) -> Iterator[Row]:
     """A row for each seed, in the order they are done.
 
     Raises:
-        InputError: Ray is not installed, the cluster does not answer, or an option or file is bad there.
+        InputError: Ray is not installed, the cluster does not answer, or the request or a file is bad there.
     """
     if not todo:
         return
     with redirect_stdout(sys.stderr):  # where Ray tells of what dies
-        yield from made_by(connect(given.ray), given, todo)
+        yield from made_by(connect(address), request, todo)
 
 
-def made_by(ray: Any, given: Namespace, todo: list[int]) -> Iterator[Row]:
+def made_by(ray: Any, request: ExportRequest, todo: list[int]) -> Iterator[Row]:
     try:
-        count = given.jobs or int(ray.cluster_resources().get("CPU", 1))
-        makers = [start(ray, given) for _ in range(min(count, len(todo)))]
+        count = request.jobs or int(ray.cluster_resources().get("CPU", 1))
+        makers = [start(ray, request) for _ in range(min(count, len(todo)))]
         left, running = list(reversed(todo)), {}
         while left or running:
             while makers and left:
@@ -65,7 +64,7 @@ def made_by(ray: Any, given: Namespace, todo: list[int]) -> Iterator[Row]:
             try:
                 row = ray.get(done)
             except ray.exceptions.RayError as error:
-                maker = start(ray, given) if left else None
+                maker = start(ray, request) if left else None
                 row = Row(
                     seed=seed, error=f"its worker died ({kind(error)})", seconds=time.monotonic() - since
                 )
@@ -95,13 +94,13 @@ def connect(address: str) -> Any:
     return ray
 
 
-def start(ray: Any, given: Namespace) -> Any:
+def start(ray: Any, request: ExportRequest) -> Any:
     """An actor that has loaded everything.
 
     Raises:
-        InputError: an option or file is bad where it runs.
+        InputError: the request or a file is bad where it runs.
     """
-    maker = ray.remote(num_cpus=1, max_restarts=0)(Maker).remote(with_whole_paths(given))
+    maker = ray.remote(num_cpus=1, max_restarts=0)(Maker).remote(with_whole_paths(request))
     try:
         problem = ray.get(maker.find_problem.remote())
     except ray.exceptions.RayError as error:
@@ -113,13 +112,16 @@ def start(ray: Any, given: Namespace) -> Any:
     return maker
 
 
-def with_whole_paths(given: Namespace) -> Namespace:
-    """The options with paths that mean the same in any folder."""
-    words: dict[str, Any] = vars(given) | {"motion": [path.resolve() for path in given.motion]}
-    words |= {name: Path(words[name]).resolve() for name in FILES if words[name] is not None}
-    if given.pose is not None and Path(given.pose).is_file():
-        words["pose"] = str(Path(given.pose).resolve())
-    return Namespace(**words)
+def with_whole_paths(request: ExportRequest) -> ExportRequest:
+    """The request with paths that mean the same in any folder."""
+    return replace(request, **{each.name: whole(getattr(request, each.name)) for each in fields(request)})
+
+
+def whole(value: Any) -> Any:
+    """A field with its paths, alone or several, from the root of the file system."""
+    if isinstance(value, tuple):
+        return tuple(map(whole, value))
+    return value.resolve() if isinstance(value, Path) else value
 
 
 def kind(error: Exception) -> str:

@@ -1,15 +1,17 @@
-"""What `avatar-export --report` writes: sizes, seconds and errors of one avatar, for scripts to read."""
+"""What an export reports: sizes, seconds and errors of one avatar, for scripts to read."""
 
-from argparse import Namespace
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from assets import BuildConfig, PlainAsset
-from assets.asset.asset import Report
+from assets.asset.asset import PlainAsset, Report
 from assets.asset.levels import level_error
+from assets.build_config import BuildConfig
 from avatargen.avatar import Avatar
-from avatargen.commands.export.fitting import Fit, savings, wish_of
-from avatargen.commands.export.motions import motion_facts
+from avatargen.export.fingerprint import facts
+from avatargen.export.fitting import Fit
+from avatargen.export.left_out import savings
+from avatargen.export.motions import motion_facts
+from avatargen.export.request import ExportRequest
 from avatargen.motion.motion import Motion
 
 
@@ -26,7 +28,7 @@ class Made:
 
 
 def make_report(
-    given: Namespace,
+    request: ExportRequest,
     written: list[Path],
     made: Made,
     size: int,
@@ -34,9 +36,9 @@ def make_report(
 ) -> dict[str, object]:
     """What was made, how long it took and how far the mesh is from the field, for scripts to read."""
     asset, config = made.asset, made.settings
-    report, pose = made.report, config.pose
+    report = made.report
     return {
-        "seed": given.seed,
+        "seed": request.seeds,
         "path": str(written[0]),
         "files": [str(file) for file in written],
         "version": asset.info.version,
@@ -50,30 +52,16 @@ def make_report(
         "error_mm": report.error.facts(),
         "missed_mm": report.missed.facts() if report.missed else None,
         "left_out": savings(report.left_out, config, made.avatar),
-        "fit": made.fit.facts(wish_of(given), seconds["total"]) if made.fit else None,
+        "fit": made.fit.facts(request, seconds["total"]) if made.fit else None,
         "animations": [motion_facts(motion) for motion in made.motions],
-        "settings": {
-            "scene": given.scene,
-            "resolution": config.resolution,
-            "faces": config.faces,
-            "texture": config.texture,
-            "normal_map": config.normal_map,
-            "ambient_occlusion": config.ambient_occlusion,
-            "content": config.content,
-            "texture_format": given.texture_format,
-            "compress": given.compress,
-            "pose": pose if isinstance(pose, str) else str(given.pose),
-            "body": str(given.body) if given.body else "default",
-            "weights": str(given.weights) if given.weights else "default",
-            "device": given.device,
-        },
+        "settings": facts(replace(request, build=config)),
     }
 
 
 def level_facts(made: Made) -> list[dict[str, object]]:
     """Faces of each coarser level, and how far it is from the field."""
-    asset, facts = made.asset, []
+    asset, found = made.asset, []
     for level in asset.levels:
         error = level_error(asset, level, made.avatar.sdf)
-        facts.append({"faces": len(level), "error_mm": error.facts()})
-    return facts
+        found.append({"faces": len(level), "error_mm": error.facts()})
+    return found

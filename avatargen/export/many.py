@@ -1,56 +1,44 @@
 """Many seeds: worker processes that load libraries and weights once, and a parent that hands out seeds.
 
-The parent imports nothing heavy. A worker that dies takes one seed with it: the parent writes that down and
-starts another worker. Seeds that failed, and those that an interrupted run left, are made by the same
-command.
+A worker that dies takes one seed with it: the parent writes that down and starts another worker. Seeds that
+failed, and those that an interrupted run left, are made by the same request.
 """
 
-import hashlib
 import multiprocessing
 import os
-import signal
-import sys
 import time
-from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from avatargen import __version__
-from avatargen.commands.export.manifest import NAME, Row, open_manifest
-from avatargen.commands.export.on_ray import ray_outcomes
-from avatargen.commands.export.scenes import SCENES
-from avatargen.commands.line import terminate
-from avatargen.commands.progress import Show
+from assets.clock import Progress
 from avatargen.errors import AvatarGenError, InputError
+from avatargen.export.fingerprint import fingerprint
+from avatargen.export.manifest import NAME, Row, open_manifest
+from avatargen.export.on_ray import ray_outcomes
+from avatargen.export.one import silent
+from avatargen.export.request import ExportRequest
+from avatargen.export.worker import work
 
-SETTINGS = (
-    "scene",
-    "content",
-    "faces",
-    "texture",
-    "normal_map",
-    "ambient_occlusion",
-    "texture_format",
-    "compress",
-    "resolution",
-    "tolerance",
-    "joints",
-    "pose",
-    "names",
-    "morphs",
-    "clip",
-    "fps",
-    "speed",
-    "mirror",
-    "in_place",
-)
-FILES = ("weights", "body")
 PATIENCE = 10.0  # seconds that a worker gets to leave
 SPAWN = multiprocessing.get_context("spawn")  # a fork would copy a parent's locks, and CUDA forbids it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """What the folder holds of the seeds asked for."""
+
+    manifest: Path
+    rows: tuple[Row, ...]  # one a seed, in their order
+    made: int  # of them now
+    seconds: float
+
+    @property
+    def failed(self) -> tuple[Row, ...]:
+        return tuple(row for row in self.rows if row.error is not None)
 
 
 @dataclass
@@ -70,47 +58,42 @@ class Worker:
             self.pipe.send(seed)
 
 
-def export_many(given: Namespace, show: Show) -> str:
-    """Make every seed of the range that the folder does not hold yet; returns the closing line.
+def unheard(row: Row) -> None:
+    """A row that nobody waits for."""
+
+
+def export_many(
+    request: ExportRequest, progress: Progress = silent, each: Callable[[Row], None] = unheard
+) -> Batch:
+    """Make every seed of the range that the folder does not hold yet. `each` hears a row as it is written.
+
+    A seed that fails is a row that says why, and fails no other; the same request tries it again. Worker
+    processes import the calling script, so a script calls this under `if __name__ == "__main__":`.
 
     Raises:
-        AvatarGenError: an option or file is bad, or some seeds have failed; their rows say why.
+        AvatarGenError: the request or a file is bad, the folder was made by another request, or workers
+            cannot start.
     """
-    started = time.monotonic()
-    seeds = range(*given.seeds)
-    with open_manifest(given.out, settings_of(given)) as manifest:
+    if not isinstance(request.seeds, range) or request.out is None:
+        raise InputError("export_many: found one seed, wanted a range of them; see export_avatar")
+    started, seeds = time.monotonic(), request.seeds
+    with open_manifest(request.out, fingerprint(request)) as manifest:
         todo = [seed for seed in seeds if not manifest.holds(seed)]
-        rows = outcomes(given, todo) if given.ray is None else ray_outcomes(given, todo)
+        ray = request.ray
+        rows = outcomes(request, todo) if ray is None else ray_outcomes(ray, request, todo)
         for count, row in enumerate(rows, start=1):
             manifest.add(row)
-            if row.error is not None:
-                print(f"seed {row.seed}: {row.error}", file=sys.stderr)
-            show(f"{count} of {len(todo)}", count / len(todo))
-        failed = [seed for seed in seeds if manifest.rows[seed].error is not None]
-    if failed:
-        first = ", ".join(map(str, failed[:5])) + (", ..." if len(failed) > 5 else "")
-        raise AvatarGenError(
-            f"{len(failed)} of {len(seeds)} seeds failed ({first}); {given.out / NAME} says why, and the "
-            "same command tries them again"
+            each(row)
+            progress(f"{count} of {len(todo)}", count / len(todo))
+        return Batch(
+            manifest=request.out / NAME,
+            rows=tuple(manifest.rows[seed] for seed in seeds),
+            made=len(todo),
+            seconds=time.monotonic() - started,
         )
-    minutes = (time.monotonic() - started) / 60
-    rate = f", {len(todo) / minutes:.1f} a minute" if todo else ""
-    return f"{given.out}: {len(seeds)} avatars, {len(todo)} of them made now{rate}"
 
 
-def settings_of(given: Namespace) -> dict[str, object]:
-    """Whatever makes a seed's file another file; files by their contents."""
-    plain: dict[str, object] = {name: getattr(given, name) for name in SETTINGS}
-    plain |= {name: digest(path) for name in FILES if (path := getattr(given, name)) is not None}
-    plain["motion"] = {path.stem: digest(path) for path in given.motion}
-    return plain | {"version": __version__, "format": given.format or SCENES[given.scene].format}
-
-
-def digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def outcomes(given: Namespace, todo: list[int]) -> Iterator[Row]:
+def outcomes(request: ExportRequest, todo: list[int]) -> Iterator[Row]:
     """A row for each seed, in the order they are done.
 
     Raises:
@@ -121,8 +104,8 @@ def outcomes(given: Namespace, todo: list[int]) -> Iterator[Row]:
     try:
         while left or any(worker.seed is not None for worker in workers):
             idle = sum(worker.seed is None for worker in workers)
-            more = min((given.jobs or 1) - len(workers), len(left) - idle)
-            workers += [start_worker(given) for _ in range(more)]
+            more = min((request.jobs or 1) - len(workers), len(left) - idle)
+            workers += [start_worker(request) for _ in range(more)]
             for pipe in wait([worker.pipe for worker in workers]):
                 worker = next(worker for worker in workers if worker.pipe is pipe)
                 row, worker.seed = hear(worker), None
@@ -170,14 +153,16 @@ def bury(worker: Worker) -> Row | None:
     return Row(seed=worker.seed, error=f"its worker died ({how})", seconds=seconds)
 
 
-def start_worker(given: Namespace) -> Worker:
+def start_worker(request: ExportRequest) -> Worker:
     """A process of its own; the processors are shared out among the jobs."""
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, processors // (given.jobs or 1))))
+    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, processors // (request.jobs or 1))))
     here, there = SPAWN.Pipe()
-    process = SPAWN.Process(target=work, args=(there, given))
+    process = SPAWN.Process(target=work, args=(there,))
     process.start()
     there.close()  # so that a dead worker's pipe ends
+    with suppress(OSError):  # it has just died; its pipe's end will be heard next
+        here.send(request)
     return Worker(process, here)
 
 
@@ -192,22 +177,3 @@ def stop(workers: list[Worker]) -> None:
         worker.process.join(PATIENCE)
         worker.process.kill()
         worker.process.join()
-
-
-def work(pipe: Connection, given: Namespace) -> None:
-    """The worker: load once, say None, then answer each seed with its row until the pipe ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is interrupted too, and ends its workers
-    signal.signal(signal.SIGTERM, terminate)
-    from avatargen.commands.export.seed import SeedExporter
-
-    try:
-        exporter = SeedExporter(given)
-    except AvatarGenError as error:
-        pipe.send(str(error))
-        return
-    pipe.send(None)
-    while True:
-        try:
-            pipe.send(exporter.export(pipe.recv()))
-        except (EOFError, OSError):  # the parent is gone
-            return

@@ -1,7 +1,11 @@
-"""What each scene needs of an avatar. Standard library alone, as arguments are checked before torch loads."""
+"""What each scene needs of an asset. Standard library alone, as a command names the scenes before torch
+loads; `BuildConfig.for_scene` turns one into settings.
+"""
 
 from dataclasses import dataclass
-from typing import Literal
+
+from assets.plan import Content, Joints
+from avatargen.errors import InputError
 
 DEFAULT = "game"
 
@@ -12,12 +16,12 @@ class Scene:
 
     purpose: str
     format: str = "glb"
-    content: Literal["mesh", "textured", "rigged"] = "rigged"
+    content: Content = "rigged"
     resolution: int = 512
     faces: int | None = 20_000  # None: every face of the extracted surface
     texture: int = 1024
     normal_map: int | None = None  # texels along a side
-    joints: Literal["all", "24", "moving"] = "all"
+    joints: Joints = "all"
 
 
 SCENES = {
@@ -38,3 +42,10 @@ SCENES = {
         normal_map=1024,
     ),
 }
+
+
+def find_scene(name: str) -> Scene:
+    """The scene of that name. Raises InputError where there is none."""
+    if name not in SCENES:
+        raise InputError(f"found scene {name!r}, wanted one of {', '.join(SCENES)}")
+    return SCENES[name]

@@ -7,21 +7,25 @@ field takes at a few points.
 
 import json
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64
 
+from assets.build_config import AvatarFields, BuildConfig
 from assets.texture import normal_map, occlusion
 from avatargen.errors import InputError
+from avatargen.shipped import shipped
 
 SPEED_POINTS = 20_000
 SPREAD = 0.01  # metres from the body's vertices
 ASKED = 0.6  # share of a map's texels that the field is asked at
 QUESTIONS = {"normals": normal_map.QUESTIONS, "occlusion": occlusion.QUESTIONS}  # a texel, by stage
 HEADROOM = 1.1  # on a prediction: the time a budget must have room for
+TRIES = 3  # of ever finer settings, until a tolerance is kept
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +99,51 @@ class Curves:
             key=lambda row: abs(np.log(row["resolution"] / resolution)) + abs(np.log(row["faces"] / faces)),
         )
         return self.scale * nearest["seconds"].get(stage, 0.0)
+
+
+def choose_settings(
+    config: BuildConfig | None = None,
+    *,
+    tolerance_mm: float | None = None,
+    budget_s: float | None = None,
+    avatar: AvatarFields | None = None,
+) -> BuildConfig:
+    """The settings, by default `BuildConfig()`, with the resolution and faces that measured curves choose:
+    the cheapest expected to keep 99 % of the surface within `tolerance_mm` millimetres, or the most exact
+    for which `budget_s` seconds have room. Those are seconds of this machine where an `avatar` is given, as
+    its field tells the speed; else of the machine that the curves were measured on.
+
+    Raises:
+        InputError: not one of tolerance and budget, or a budget that has no room for anything.
+    """
+    if (tolerance_mm is None) == (budget_s is None):
+        raise InputError("choose_settings: give a tolerance or a budget, one of them")
+    wanted = config or BuildConfig()
+    tries = candidates(wanted, curves_for(avatar), tolerance_mm=tolerance_mm, budget_s=budget_s)
+    return next(tries)[0]
+
+
+def candidates(
+    config: BuildConfig, curves: Curves, *, tolerance_mm: float | None, budget_s: float | None
+) -> Iterator[tuple[BuildConfig, Choice]]:
+    """Settings to try in turn, each with what is expected of it.
+
+    Raises:
+        InputError: the budget has no room for anything.
+    """
+    texture = None if config.content == "mesh" else config.texture
+    choices = curves.choices(texture, config.normal_map, config.ambient_occlusion)
+    if budget_s is not None:
+        choices = [within_budget(choices, budget_s)]
+    elif tolerance_mm is not None:
+        choices = within_tolerance(choices, tolerance_mm)[:TRIES]
+    for choice in choices:
+        yield replace(config, resolution=choice.resolution, faces=choice.faces), choice
+
+
+def curves_for(avatar: AvatarFields | None) -> Curves:
+    """The curves that come with the package, scaled to this machine where there is an avatar to time."""
+    return load_curves(shipped("curves.json"), avatar)
 
 
 def load_curves(path: Path, avatar: Any) -> Curves:

@@ -3,36 +3,32 @@
 import hashlib
 import time
 import warnings
-from argparse import Namespace
 
 from avatargen.atomic import write_together
-from avatargen.commands.export.manifest import Row
-from avatargen.commands.export.run import Clock, encoding_of, make_avatar, open_workshop
-from avatargen.commands.export.scenes import SCENES
 from avatargen.errors import AvatarGenError
-from exporters import encode, find_format
-from exporters.export import require_encoding
+from avatargen.export.manifest import Row
+from avatargen.export.one import Stopwatch, make_avatar, open_workshop, silent
+from avatargen.export.request import ExportRequest
+from exporters import encode
 
 
 class SeedExporter:
     """Writes DIR/avatar_SEED.FORMAT, seed after seed.
 
-    Raises AvatarGenError for options and files that would fail every seed.
+    Raises AvatarGenError for a request or files that would fail every seed.
     """
 
-    def __init__(self, given: Namespace) -> None:
+    def __init__(self, request: ExportRequest) -> None:
         warnings.simplefilter("ignore")
-        self.given, self.format = given, given.format or SCENES[given.scene].format
-        require_encoding(f"avatar.{self.format}", encoding_of(given))
-        self.workshop = open_workshop(given, find_format(f"avatar.{self.format}"))
+        self.workshop = open_workshop(request)
 
     def export(self, seed: int) -> Row:
         """Make and write one avatar, or say why there is none."""
-        started = time.perf_counter()
-        path = self.given.out / f"avatar_{seed}.{self.format}"
+        started, request = time.perf_counter(), self.workshop.request
+        path = request.path_of(seed)
         try:
-            made = make_avatar(self.workshop, seed, Clock(lambda doing, share: None))
-            files = encode(made.asset, path, encoding_of(self.given))
+            made = make_avatar(self.workshop, seed, Stopwatch(silent))
+            files = encode(made.asset, path, request.encoding)
             write_together(files)
         except (AvatarGenError, MemoryError) as error:
             reason = str(error) or type(error).__name__

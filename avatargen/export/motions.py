@@ -1,42 +1,42 @@
-"""The animations that avatar-export was asked for: built-in clips and motion files, retimed and mirrored."""
+"""The animations that a request asks for: built-in clips and motion files, retimed and mirrored."""
 
-from argparse import Namespace
 from collections.abc import Sequence
 
 from assets import Asset
 from assets.asset.animate import figure_of
 from avatargen.errors import InputError
+from avatargen.export.request import ExportRequest
 from avatargen.motion.motion import Motion, in_place, mirrored, retimed
 
 
-def load_motions(given: Namespace) -> tuple[Motion, ...]:
+def load_motions(request: ExportRequest) -> tuple[Motion, ...]:
     """The motion files, as they are.
 
     Raises:
         InputError: a file is no motion, or two animations would have one name.
     """
-    names = [*given.clip, *(path.stem for path in given.motion)]
+    names = [*request.clips, *(path.stem for path in request.motions)]
     if len(set(names)) < len(names):
         raise InputError(f"found animations {', '.join(names)}; give each once, and files names of their own")
-    if not given.motion:
+    if not request.motions:
         return ()
     from avatargen.motion.amass import load_motion
 
-    return tuple(load_motion(path) for path in given.motion)
+    return tuple(load_motion(path) for path in request.motions)
 
 
-def finish_motions(given: Namespace, files: Sequence[Motion], asset: Asset) -> tuple[Motion, ...]:
-    """Clips made for the asset's person, then the files' motions, all as the options want them.
+def finish_motions(request: ExportRequest, files: Sequence[Motion], asset: Asset) -> tuple[Motion, ...]:
+    """Clips made for the asset's person, then the files' motions, all as the request wants them.
 
     Raises:
         InputError: the body lacks a joint that a clip moves, or a motion would have too many frames.
     """
-    motions = [*make_clips(given.clip, asset), *files]
-    if given.mirror:
+    motions = [*make_clips(request.clips, asset), *files]
+    if request.mirror:
         motions = [mirrored(motion) for motion in motions]
-    if given.in_place:
+    if request.in_place:
         motions = [in_place(motion) for motion in motions]
-    return tuple(retimed(motion, given.fps, given.speed) for motion in motions)
+    return tuple(retimed(motion, request.fps, request.speed) for motion in motions)
 
 
 def make_clips(names: Sequence[str], asset: Asset) -> list[Motion]:

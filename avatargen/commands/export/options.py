@@ -1,0 +1,364 @@
+"""The options of avatar-export, and the request that they make.
+
+An option goes to the field that has its `dest` as its name: of `ExportRequest`, or of the `BuildConfig`
+inside. So an option more is a field there and an `add` here; help says the field's default, as options that
+are left out stay None. Only what `--help` and bad arguments need is imported before the arguments are read.
+"""
+
+from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from assets.scenes import DEFAULT, SCENES
+from avatargen import __version__
+from avatargen.atomic import check_writable
+from avatargen.commands.line import (
+    FEWEST_FACES,
+    LARGEST_SEED,
+    MOST_FACES,
+    OneLineParser,
+    falling_numbers,
+    positive_number,
+    quantity,
+    seed_range,
+    whole_number,
+)
+from avatargen.commands.progress import Show
+from avatargen.errors import InputError
+from avatargen.export.rules import check_chosen, check_one_or_many
+
+if TYPE_CHECKING:
+    from avatargen.export.request import ExportRequest
+
+PROGRAM = "avatar-export"
+# what `exporters` writes, which takes seconds to ask
+FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
+PICTURES = ("png", "jpeg", "webp")
+NAMED_POSES = ("x", "t", "a")
+DESCRIPTION = """\
+Make one clothed, textured, rigged human from a seed and write it to a file.
+
+The last line on standard output is the path written. Exit status 0 means the file is whole;
+bad input ends in one line on standard error, status 2 and no file."""
+EXAMPLES = """\
+examples:
+  avatar-export --seed 3 --format glb
+  avatar-export --seed 3 --out person.glb --report person.json --preview person.png
+  avatar-export --seed 3 --out person.usdz
+  avatar-export --seed 3 --clip walk --clip idle --names mixamo
+  avatar-export --seeds 0:1000 --jobs 4 --out crowd
+  avatar-export --seed 3 --scene print
+  avatar-export --seed 3 --tolerance 0.5mm
+  avatar-export --seed 3 --lods 40000,20000,5000,1000
+  avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
+"""
+
+
+def parse(arguments: Sequence[str] | None, show: Show = lambda doing, share: None) -> "ExportRequest":
+    """What the arguments ask for; `show` hears when libraries begin to load, after all that can be told
+    without them.
+
+    Raises:
+        InputError: an argument is bad, a file is missing, or things are asked for that do not go together.
+    """
+    options = make_parser().parse_args(arguments)
+    check_options(options)
+    show("loading libraries", 0.0)
+    return make_request(options)
+
+
+def make_parser() -> ArgumentParser:
+    parser = OneLineParser(PROGRAM, description=DESCRIPTION, examples=EXAMPLES)
+    add_person_options(parser.add_argument_group("the person"))
+    add_file_options(parser.add_argument_group("the files"))
+    add_asset_options(parser.add_argument_group("the asset"))
+    add_picture_options(parser.add_argument_group("its pictures"))
+    add_rig_options(parser.add_argument_group("the rig"))
+    add_animation_options(parser.add_argument_group("animations"))
+    add_work_options(parser.add_argument_group("the work"))
+    return parser
+
+
+def add_person_options(group: _ArgumentGroup) -> None:
+    """Who is made."""
+    add = group.add_argument
+    add(
+        "--seed",
+        type=whole_number(0, LARGEST_SEED),
+        metavar="N",
+        help="which person; the same seed gives the same file",
+    )
+    add(
+        "--seeds",
+        type=seed_range,
+        metavar="A:B",
+        help="instead of one: seeds A to B - 1, into the folder --out; the same command resumes",
+    )
+    add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
+    add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
+
+
+def add_file_options(group: _ArgumentGroup) -> None:
+    """Where it goes, and how it is encoded."""
+    add = group.add_argument
+    add(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="where to write; a folder with --seeds (default: avatar_SEED.FORMAT here)",
+    )
+    add(
+        "--format",
+        type=format_name,
+        metavar="NAME",
+        help=f"file format: {', '.join(FORMATS)} (default: the suffix of --out, else glb)",
+    )
+    add(
+        "--compress",
+        choices=("none", "quantize"),
+        help="quantize: round the mesh's numbers to 8 and 16 bits, in glb and gltf alone (default: none)",
+    )
+    add(
+        "--report",
+        type=Path,
+        metavar="FILE.json",
+        help="also write sizes, seconds per stage and error in millimetres",
+    )
+    add("--preview", type=Path, metavar="FILE.png", help="also write a picture of the avatar")
+
+
+def add_asset_options(group: _ArgumentGroup) -> None:
+    """How much is made, and how fine."""
+    add = group.add_argument
+    add(
+        "--scene",
+        choices=tuple(SCENES),
+        default=DEFAULT,
+        help=f"what it is for: sets format, resolution, faces, texture and content (default: {DEFAULT})",
+    )
+    add(
+        "--content",
+        choices=("mesh", "textured", "rigged"),
+        help="how much to make (default: as much as scene and format hold)",
+    )
+    add(
+        "--resolution",
+        type=whole_number(32, 2048),
+        metavar="N",
+        help=f"fineness the field is sampled at (default: {SCENES[DEFAULT].resolution}, or by --scene)",
+    )
+    add(
+        "--faces",
+        type=whole_number(FEWEST_FACES, MOST_FACES),
+        metavar="N",
+        help=f"triangles wanted, kept within 2 %% (default: {SCENES[DEFAULT].faces}, or by --scene)",
+    )
+    add(
+        "--lods",
+        type=falling_numbers,
+        metavar="N,N,..",
+        help="instead of --faces: triangles of each level of detail, finest first, all in one .glb or .gltf",
+    )
+    add(
+        "--tolerance",
+        dest="tolerance_mm",
+        type=quantity("mm"),
+        metavar="0.5mm",
+        help="cheapest resolution and faces that keep 99 %% of the surface within it",
+    )
+    add(
+        "--budget",
+        dest="budget_s",
+        type=quantity("s"),
+        metavar="5s",
+        help="most exact resolution and faces for so many seconds in all",
+    )
+
+
+def add_picture_options(group: _ArgumentGroup) -> None:
+    """Textures."""
+    add = group.add_argument
+    add(
+        "--texture",
+        type=whole_number(16, 8192),
+        metavar="N",
+        help=f"width and height of the texture (default: {SCENES[DEFAULT].texture}, or by --scene)",
+    )
+    add(
+        "--normal-map",
+        type=whole_number(0, 8192),
+        metavar="N",
+        help="width and height of a normal map of the finest folds, 0 for none (default: by --scene)",
+    )
+    add(
+        "--ambient-occlusion",
+        type=whole_number(0, 8192),
+        metavar="N",
+        help="width and height of a texture that darkens what little light reaches (default: 0, none)",
+    )
+    add(
+        "--texture-format",
+        choices=PICTURES,
+        help="how pictures are stored; webp in glb and gltf alone (default: png)",
+    )
+
+
+def add_rig_options(group: _ArgumentGroup) -> None:
+    """Skeleton, names and sliders."""
+    add = group.add_argument
+    add("--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton; vrm wants t (default: a)")
+    add(
+        "--joints",
+        choices=("all", "24", "moving"),
+        help="24: no fingers; moving: drop joints that move no vertex (default: all, or by --scene)",
+    )
+    add(
+        "--names",
+        choices=("smpl", "mixamo", "unity", "unreal"),
+        help="whose names the joints get (default: smpl)",
+    )
+    add(
+        "--bones",
+        choices=("along", "world"),
+        help="joints' frames: +y along each bone, as modellers draw it, or the world's axes (default: along)",
+    )
+    add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
+    add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
+
+
+def add_animation_options(group: _ArgumentGroup) -> None:
+    """What moves, and how it is played."""
+    add = group.add_argument
+    add(
+        "--clip",
+        dest="clips",
+        action="append",
+        choices=("idle", "walk", "wave", "range"),
+        help="add a built-in animation; may be repeated",
+    )
+    add(
+        "--motion",
+        dest="motions",
+        action="append",
+        type=Path,
+        metavar="FILE.npz",
+        help="add an animation from an AMASS-style file; may be repeated",
+    )
+    add("--fps", type=positive_number(1000.0), metavar="N", help="frames a second (default: 30)")
+    add("--speed", type=positive_number(100.0), metavar="X", help="how fast to play (default: 1)")
+    add("--mirror", action="store_true", help="swap left and right in the animations")
+    add("--in-place", action="store_true", help="keep the animations over one spot")
+
+
+def add_work_options(group: _ArgumentGroup) -> None:
+    """How it is made."""
+    add = group.add_argument
+    add("--device", metavar="NAME", help="cpu or cuda (default: cpu)")
+    add(
+        "--jobs",
+        type=whole_number(1, 1000),
+        metavar="N",
+        help="how many processes make --seeds (default: 1, with --ray all)",
+    )
+    add(
+        "--ray",
+        metavar="ADDRESS",
+        help="make --seeds on this Ray cluster (auto, HOST:PORT or ray://HOST:PORT)",
+    )
+    add("--dry-run", action="store_true", help="say what would be done and left out, and stop")
+    add("--version", action="version", version=f"avatargen {__version__}")
+
+
+def check_options(options: Namespace) -> None:
+    """All that can be told before libraries load. Raises InputError."""
+    if (options.seed is None) == (options.seeds is None):
+        raise InputError("the following arguments are required: --seed or --seeds, one of them")
+    many = options.seeds is not None
+    fixed = tuple(name for name in ("resolution", "faces", "lods") if getattr(options, name) is not None)
+    check_chosen(tolerance_mm=options.tolerance_mm, budget_s=options.budget_s, fixed=fixed)
+    if options.lods is not None and options.faces is not None:
+        raise InputError("found --faces and --lods, whose first number is that of faces; leave out --faces")
+    check_one_or_many(
+        many=many,
+        jobs=options.jobs,
+        ray=options.ray,
+        out=options.out,
+        report=options.report,
+        preview=options.preview,
+        dry_run=options.dry_run,
+        budget_s=options.budget_s,
+    )
+    options.format = output_format(options)
+    outputs = () if many else (options.out or Path(f"avatar_{options.seed}.{options.format}"),)
+    for output in (*outputs, options.report, options.preview):
+        if output is not None:
+            check_writable(output)
+    for source in (options.weights, options.body, *(options.motions or ())):
+        if source is not None and not source.is_file():
+            raise InputError(f"found no file {source}; check the path")
+    if (
+        options.pose is not None
+        and options.pose.lower() not in NAMED_POSES
+        and not Path(options.pose).is_file()
+    ):
+        raise InputError(
+            f"found --pose {options.pose}, wanted one of {', '.join(NAMED_POSES)} or an .npz file that exists"
+        )
+
+
+def output_format(options: Namespace) -> str:
+    """--out and --format must agree, and each can stand in for the other."""
+    if options.out is None or options.seeds is not None:
+        return options.format or SCENES[options.scene].format
+    suffix = options.out.suffix.lower().removeprefix(".")
+    if suffix not in FORMATS:
+        raise InputError(
+            f"found --out {options.out}, wanted a name that ends in one of .{', .'.join(FORMATS)}"
+        )
+    if options.format is not None and suffix != options.format:
+        raise InputError(
+            f"found --out {options.out} with --format {options.format}; give a name that ends in "
+            f".{options.format}"
+        )
+    return suffix
+
+
+def make_request(options: Namespace) -> "ExportRequest":
+    """The request of checked options. Those that are no field by themselves are told what field they are."""
+    from assets.build_config import BuildConfig
+    from avatargen.export.request import ExportRequest
+    from avatargen.export.settings import settings_for
+    from exporters.encoding import Encoding
+
+    options.seeds = options.seed if options.seeds is None else options.seeds
+    if options.lods is not None:
+        options.faces, *options.levels = options.lods
+    if options.pose is not None and options.pose.lower() in NAMED_POSES:
+        options.pose = options.pose.lower()
+    elif options.pose is not None:
+        options.pose, options.pose_file = None, Path(options.pose)
+    return ExportRequest(
+        build=settings_for(options.scene, options.format, **given(BuildConfig, options)),
+        encoding=Encoding(pictures=options.texture_format or "png", quantize=options.compress == "quantize"),
+        **given(ExportRequest, options),
+    )
+
+
+def given(group: type, options: Namespace) -> dict[str, Any]:
+    """The options that are fields of a group of settings and were not left out."""
+    found = {each.name: getattr(options, each.name, None) for each in fields(group)}
+    return {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in found.items()
+        if value is not None
+    }
+
+
+def format_name(text: str) -> str:
+    """An argument type: a suffix, with or without its dot, in any case."""
+    name = text.removeprefix(".").lower()
+    if name not in FORMATS:
+        raise ArgumentTypeError(f"found {text!r}, wanted one of {', '.join(FORMATS)}")
+    return name

@@ -1,0 +1,153 @@
+"""What to export, how and where: made once, from a command line or in Python, and read by all that follows.
+
+    ExportRequest(seeds=3, out=Path("person.glb"))
+    ExportRequest(seeds=range(1000), build=BuildConfig.for_scene("crowd"), out=Path("crowd"), jobs=4)
+
+Every field is part of the request's fingerprint (`avatargen.export.fingerprint`) unless it says here why it
+changes no byte of a file.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from assets.build_config import BuildConfig
+from assets.plan import CONTENTS
+from avatargen.avatar import LARGEST_SEED
+from avatargen.errors import InputError
+from avatargen.export.rules import check_chosen, check_one_or_many
+from exporters import Format, find_format
+from exporters.encoding import PLAIN, Encoding
+from exporters.export import require_encoding
+
+Clip = Literal["idle", "walk", "wave", "range"]
+Names = Literal["smpl", "mixamo", "unity", "unreal"]
+NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
+
+
+def no_byte(reason: str) -> dict[str, str]:
+    """Metadata of a field that changes no byte of an avatar's files."""
+    return {NO_BYTE: reason}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportRequest:
+    """One avatar into a file, or many into a folder. Raises InputError for what does not go together."""
+
+    # what: the avatars
+    seeds: int | range = field(metadata=no_byte("says which files there are; each depends on its own seed"))
+    weights: Path | None = None  # of another generator than the shipped one
+    body: Path | None = None  # in SMPL's format: .npz or .pkl
+    # what: the asset
+    build: BuildConfig = field(default_factory=BuildConfig)
+    scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))
+    pose_file: Path | None = None  # rotations that take the place of `build.pose`, .npz
+    tolerance_mm: float | None = None  # resolution and faces that keep 99 % of the surface within it
+    budget_s: float | None = None  # resolution and faces that take so many seconds of the process
+    levels: tuple[int, ...] = ()  # triangles of the coarser levels of detail, falling
+    # what: the rig
+    names: Names = "smpl"  # whose names the joints get
+    clips: tuple[Clip, ...] = ()
+    motions: tuple[Path, ...] = ()  # AMASS-style files, .npz
+    fps: float = 30.0  # of the animations
+    speed: float = 1.0  # of the animations: 2 plays them in half the time
+    mirror: bool = False  # left and right of the animations
+    in_place: bool = False  # animations over one spot
+    # what: the file
+    format: str = ""  # a suffix without its dot; "": that of `out`, else glb
+    encoding: Encoding = PLAIN
+    # how
+    device: str = "cpu"  # of torch; another one adds numbers up in another order
+    jobs: int | None = field(default=None, metadata=no_byte("processes make the files, each one alone"))
+    ray: str | None = field(default=None, metadata=no_byte("a cluster's address; workers there do the same"))
+    # where
+    out: Path | None = field(default=None, metadata=no_byte("where the bytes go"))  # None: avatar_SEED here
+    report: Path | None = field(default=None, metadata=no_byte("a file of its own"))
+    preview: Path | None = field(default=None, metadata=no_byte("a picture of its own"))
+    dry_run: bool = field(default=False, metadata=no_byte("nothing is written"))
+
+    def __post_init__(self) -> None:
+        check_seeds(self.seeds)
+        check_one_or_many(
+            many=self.many,
+            jobs=self.jobs,
+            ray=self.ray,
+            out=self.out,
+            report=self.report,
+            preview=self.preview,
+            dry_run=self.dry_run,
+            budget_s=self.budget_s,
+        )
+        check_chosen(
+            tolerance_mm=self.tolerance_mm, budget_s=self.budget_s, fixed=("lods",) * any(self.levels)
+        )
+        if not self.format:  # so that nobody reads it before it is known
+            suffix = self.out.suffix if self.out is not None and not self.many else ""
+            object.__setattr__(self, "format", suffix.removeprefix(".").lower() or "glb")
+        if self.out is not None and not self.many and self.out.suffix.lower() != f".{self.format}":
+            raise InputError(
+                f"found --out {self.out} with --format {self.format}; give a name that ends in .{self.format}"
+            )
+        require_encoding(f"avatar.{self.format}", self.encoding)
+        check_held(self, self.file_format)
+
+    @property
+    def many(self) -> bool:
+        """Many go into a folder."""
+        return isinstance(self.seeds, range)
+
+    @property
+    def file_format(self) -> Format:
+        """What the format of the files holds."""
+        return find_format(f"avatar.{self.format}")
+
+    @property
+    def chosen(self) -> bool:
+        """Measured curves choose resolution and faces."""
+        return self.tolerance_mm is not None or self.budget_s is not None
+
+    def path_of(self, seed: int) -> Path:
+        """Where the avatar of a seed goes."""
+        name = f"avatar_{seed}.{self.format}"
+        if self.out is None:
+            return Path(name)
+        return self.out / name if self.many else self.out
+
+
+def check_seeds(seeds: int | range) -> None:
+    """Raises InputError where a seed is none, or there are none."""
+    numbers = seeds if isinstance(seeds, range) else (seeds,)
+    if not numbers or not all(0 <= number <= LARGEST_SEED for number in (numbers[0], numbers[-1])):
+        raise InputError(f"seeds: found {seeds!r}, wanted whole numbers from 0 to 2^63 - 1")
+
+
+def check_held(request: ExportRequest, wanted: Format) -> None:
+    """Raises InputError where the format of the files does not hold what is wanted."""
+    build = request.build
+    if CONTENTS.index(build.content) > CONTENTS.index(wanted.content):
+        raise InputError(f"found --content {build.content}, but this format holds at most {wanted.content}")
+    pose: Any = build.pose if request.pose_file is None else request.pose_file
+    if wanted.rest_pose is not None and not (isinstance(pose, str) and pose == wanted.rest_pose):
+        raise InputError(
+            f"found --pose {pose}, but this format rests in pose {wanted.rest_pose}; leave --pose out"
+        )
+    if request.levels and not wanted.levels:
+        raise InputError("found --lods, but this format holds one level of detail; choose glb or gltf")
+    moves = request.clips or request.motions or build.morphs or build.ends or request.names != "smpl"
+    if build.content != "rigged" and moves:
+        raise InputError(
+            f"found options of the rig, but what is made holds no skeleton ({build.content}); leave out "
+            "--clip, --motion, --morphs, --ends and --names, or choose glb, vrm or usdz and a scene that "
+            "moves"
+        )
+    for option, size, kind in (
+        ("--normal-map", build.normal_map, "normal"),
+        ("--ambient-occlusion", build.ambient_occlusion, "occlusion"),
+    ):
+        require_map(option, size, kind in wanted.maps)
+
+
+def require_map(option: str, size: int | None, held: bool) -> None:
+    """Raises InputError where a picture is wanted that what is made does not hold."""
+    if size and not held:
+        raise InputError(f"found {option} {size}, but what is made holds none; leave it out, or choose glb")

@@ -1,0 +1,40 @@
+"""Which parts of a request go together, where no library is needed to tell: the command asks before it
+loads any, and every request asks again.
+"""
+
+from pathlib import Path
+
+from avatargen.errors import InputError
+
+
+def check_one_or_many(
+    *,
+    many: bool,
+    jobs: int | None,
+    ray: str | None,
+    out: Path | None,
+    report: Path | None,
+    preview: Path | None,
+    dry_run: bool,
+    budget_s: float | None,
+) -> None:
+    """One seed goes into a file, many into a folder. Raises InputError for what only the other has."""
+    if not many and (jobs is not None or ray is not None):
+        name = "--ray" if jobs is None else "--jobs"
+        raise InputError(f"found {name} with one seed; give --seeds A:B, or leave it out")
+    if many and (out is None or report is not None or preview is not None):
+        raise InputError("found --seeds, which wants --out FOLDER and takes neither --report nor --preview")
+    if many and (dry_run or budget_s is not None):
+        raise InputError("found --seeds with --dry-run or --budget; both are for one seed, so give --seed")
+    if preview is not None and preview.suffix.lower() != ".png":
+        raise InputError(f"found --preview {preview}; give a name that ends in .png")
+
+
+def check_chosen(*, tolerance_mm: float | None, budget_s: float | None, fixed: tuple[str, ...]) -> None:
+    """Raises InputError where resolution and faces are to be chosen in two ways; `fixed` names options that
+    set them."""
+    wishes = {"tolerance": tolerance_mm, "budget": budget_s}
+    chosen = [name for name, wish in wishes.items() if wish is not None]
+    if len(chosen) > 1 or (chosen and fixed):
+        names = " and ".join(f"--{name}" for name in [*chosen, *fixed])
+        raise InputError(f"found {names}; --tolerance and --budget choose, so give one of them alone")

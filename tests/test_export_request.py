@@ -1,0 +1,236 @@
+"""The request of an export: made from the options, checked when made, and no field of it is forgotten."""
+
+import json
+from dataclasses import fields, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from assets import BuildConfig
+from avatargen.commands.export import avatar_export
+from avatargen.commands.export.options import make_parser, parse
+from avatargen.errors import InputError
+from avatargen.export.fingerprint import facts, fingerprint, plain, settings
+from avatargen.export.manifest import open_manifest
+from avatargen.export.on_ray import with_whole_paths
+from avatargen.export.request import NO_BYTE, ExportRequest
+from exporters.encoding import Encoding
+from tests import cli_page
+
+ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
+# option: words before it is changed, and after
+CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "--seed": (ONE, ("--seed", "4")),
+    "--seeds": (MANY, ("--seeds", "0:3", "--out", "crowd")),
+    "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
+    "--body": (ONE, (*ONE, "--body", "a.npz")),
+    "--out": (ONE, (*ONE, "--out", "a.glb")),
+    "--format": (ONE, (*ONE, "--format", "gltf")),
+    "--compress": (ONE, (*ONE, "--compress", "quantize")),
+    "--report": (ONE, (*ONE, "--report", "a.json")),
+    "--preview": (ONE, (*ONE, "--preview", "a.png")),
+    "--scene": (ONE, (*ONE, "--scene", "hero")),
+    "--content": (ONE, (*ONE, "--content", "mesh")),
+    "--resolution": (ONE, (*ONE, "--resolution", "64")),
+    "--faces": (ONE, (*ONE, "--faces", "900")),
+    "--lods": (("--seed", "3", "--faces", "900"), (*ONE, "--lods", "900,500")),
+    "--tolerance": (ONE, (*ONE, "--tolerance", "1mm")),
+    "--budget": (ONE, (*ONE, "--budget", "9s")),
+    "--texture": (ONE, (*ONE, "--texture", "64")),
+    "--normal-map": (ONE, (*ONE, "--normal-map", "64")),
+    "--ambient-occlusion": (ONE, (*ONE, "--ambient-occlusion", "64")),
+    "--texture-format": (ONE, (*ONE, "--texture-format", "jpeg")),
+    "--pose": (ONE, (*ONE, "--pose", "a.npz")),
+    "--joints": (ONE, (*ONE, "--joints", "24")),
+    "--names": (ONE, (*ONE, "--names", "unity")),
+    "--bones": (ONE, (*ONE, "--bones", "world")),
+    "--ends": (ONE, (*ONE, "--ends")),
+    "--morphs": (ONE, (*ONE, "--morphs")),
+    "--clip": (ONE, (*ONE, "--clip", "walk")),
+    "--motion": (ONE, (*ONE, "--motion", "a.npz")),
+    "--fps": (ONE, (*ONE, "--fps", "24")),
+    "--speed": (ONE, (*ONE, "--speed", "2")),
+    "--mirror": (ONE, (*ONE, "--mirror")),
+    "--in-place": (ONE, (*ONE, "--in-place")),
+    "--device": (ONE, (*ONE, "--device", "cuda")),
+    "--jobs": (MANY, (*MANY, "--jobs", "2")),
+    "--ray": (MANY, (*MANY, "--ray", "auto")),
+    "--dry-run": (ONE, (*ONE, "--dry-run")),
+}
+# these change no byte of a seed's files; their fields say why
+UNCHANGING = {"--seed", "--seeds", "--out", "--report", "--preview", "--jobs", "--ray", "--dry-run"}
+OPTIONS = [action for action in make_parser()._actions if action.dest not in ("help", "version")]
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.npz", "b.npz", "a.safetensors"):
+        Path(name).write_bytes(b"as it was")
+
+
+def changed_fields(before: ExportRequest, after: ExportRequest) -> set[str]:
+    return {name for name, value in facts(before).items() if facts(after)[name] != value}
+
+
+def test_every_option_has_a_row_here() -> None:
+    """An option more must say, in this table, what it changes."""
+    assert {action.option_strings[-1] for action in OPTIONS} == set(CHANGES)
+
+
+@pytest.mark.parametrize("option", CHANGES)
+def test_a_changed_option_changes_the_fingerprint_or_says_why_not(option: str) -> None:
+    before, after = (parse(words) for words in CHANGES[option])
+    changed = changed_fields(before, after)
+    kept = {each.name: each.metadata[NO_BYTE] for each, _ in settings(after) if NO_BYTE in each.metadata}
+
+    assert changed
+    assert (fingerprint(before) == fingerprint(after)) == (option in UNCHANGING)
+    if option in UNCHANGING:
+        assert all(kept[name] for name in changed)
+    else:
+        assert changed - set(kept)
+
+
+@pytest.mark.parametrize(
+    "action", [each for each in OPTIONS if each.choices], ids=lambda action: action.option_strings[-1]
+)
+def test_every_choice_of_an_option_is_a_fingerprint_of_its_own(action) -> None:
+    seen = [fingerprint(parse([*ONE, action.option_strings[-1], choice])) for choice in action.choices]
+    assert all(one != other for i, one in enumerate(seen) for other in seen[:i])
+
+
+def test_every_field_of_a_request_is_reached_by_an_option() -> None:
+    reached = {
+        name for before, after in CHANGES.values() for name in changed_fields(parse(before), parse(after))
+    }
+    reached |= changed_fields(parse(ONE), parse([*ONE, "--pose", "t"]))
+    names = [each.name for each, _ in settings(parse(ONE))]
+    assert len(names) == len(set(names)), "two fields of one name hide each other"
+    assert set(names) - reached == {"head_detail", "on_ground"}  # of BuildConfig, without an option
+
+
+@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion"])
+def test_files_enter_by_their_contents(option: str) -> None:
+    name = CHANGES[option][1][-1]
+    before = fingerprint(parse([*ONE, option, name]))
+    Path("elsewhere").mkdir()
+    moved = Path("elsewhere") / name
+    moved.write_bytes(Path(name).read_bytes())
+    assert fingerprint(parse([*ONE, option, str(moved)])) == before
+    Path(name).write_bytes(b"as it is now")
+    assert fingerprint(parse([*ONE, option, name])) != before
+
+
+def test_a_motion_s_name_is_in_the_file_and_so_is_its_order() -> None:
+    one, other, both, turned = (
+        fingerprint(parse([*ONE, *(word for name in names for word in ("--motion", name))]))
+        for names in (["a.npz"], ["b.npz"], ["a.npz", "b.npz"], ["b.npz", "a.npz"])
+    )
+    assert len({json.dumps(each) for each in (one, other, both, turned)}) == 4
+
+
+def test_rotations_enter_by_their_numbers_and_what_has_no_rule_is_refused() -> None:
+    poses = [np.zeros((24, 3), np.float32), np.zeros((24, 3)), np.full((24, 3), 0.1, np.float32), "t"]
+    found = [fingerprint(ExportRequest(seeds=0, build=BuildConfig(pose=pose))) for pose in poses]
+    assert all(one["pose"] != other["pose"] for one, other in pairwise(found))
+    assert json.loads(json.dumps(found[0])) == found[0]
+    with pytest.raises(TypeError, match="no rule"):
+        plain({"a": 1}, str)
+
+
+@pytest.mark.parametrize(
+    "words", [["--lods", "20000,5000"], ["--bones", "world"], ["--ends"], ["--device", "cuda"]]
+)
+def test_a_folder_refuses_a_command_that_would_make_other_files(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open_manifest(Path("crowd"), fingerprint(parse(MANY))):
+        pass
+    assert avatar_export.main([*MANY, *words]) == 2
+    assert "was made with other settings; give another --out" in capsys.readouterr().err
+
+
+def test_a_folder_refuses_a_pose_file_that_has_changed(capsys: pytest.CaptureFixture[str]) -> None:
+    words = [*MANY, "--pose", "a.npz"]
+    with open_manifest(Path("crowd"), fingerprint(parse(words))):
+        pass
+    with open_manifest(Path("crowd"), fingerprint(parse(words))):  # the same command goes on
+        pass
+    Path("a.npz").write_bytes(b"as it is now")
+    assert avatar_export.main(words) == 2
+    assert "other settings" in capsys.readouterr().err
+
+
+def test_a_request_without_options_is_the_command_without_options() -> None:
+    assert fingerprint(parse(ONE)) == fingerprint(ExportRequest(seeds=3))
+    wanted = ExportRequest(
+        seeds=range(2),
+        build=replace(BuildConfig.for_scene("crowd"), ends=True),
+        encoding=Encoding(quantize=True),
+        clips=("walk",),
+        out=Path("crowd"),
+    )
+    words = ["--scene", "crowd", "--ends", "--compress", "quantize", "--clip", "walk"]
+    assert parse([*MANY, *words]) == replace(wanted, scene="crowd")
+
+
+def test_the_format_comes_from_the_name_and_the_path_from_both() -> None:
+    assert ExportRequest(seeds=3).path_of(3) == Path("avatar_3.glb")
+    assert ExportRequest(seeds=3, out=Path("a.GLTF")).format == "gltf"
+    folder = ExportRequest(seeds=range(9), out=Path("crowd.v2"), format="usdz")
+    assert folder.path_of(8) == Path("crowd.v2/avatar_8.usdz")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"seeds": -1}, "seeds: found -1"),
+        ({"seeds": range(0)}, "seeds: found range"),
+        ({"seeds": range(3, 2**63 + 1)}, "wanted whole numbers"),
+        ({"seeds": range(3)}, "wants --out FOLDER"),
+        ({"seeds": range(3), "out": Path("a"), "budget_s": 5.0}, "both are for one seed"),
+        ({"jobs": 2}, "found --jobs with one seed"),
+        ({"format": "fbx"}, "no known suffix"),
+        ({"format": "vrm", "out": Path("a.glb")}, "ends in .vrm"),
+        ({"format": "stl"}, "at most mesh"),
+        ({"format": "vrm"}, "rests in pose t"),
+        ({"format": "usdz", "levels": (500,)}, "one level of detail"),
+        ({"format": "usdz", "encoding": Encoding(quantize=True)}, "rounded numbers"),
+        ({"format": "obj", "build": BuildConfig(content="textured", ambient_occlusion=64)}, "holds none"),
+        ({"build": BuildConfig(content="mesh"), "clips": ("walk",)}, "holds no skeleton"),
+        ({"tolerance_mm": 1.0, "budget_s": 5.0}, "give one of them alone"),
+        ({"tolerance_mm": 1.0, "levels": (500,)}, "--tolerance and --lods"),
+        ({"preview": Path("a.jpg")}, "ends in .png"),
+    ],
+)
+def test_what_does_not_go_together_is_told_when_a_request_is_made(values: dict, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        ExportRequest(**({"seeds": 3} | values))
+
+
+def test_paths_for_a_cluster_mean_the_same_anywhere() -> None:
+    words = [*MANY, "--weights", "a.safetensors", "--motion", "a.npz", "--pose", "b.npz", "--ray", "auto"]
+    request = parse(words)
+    there = with_whole_paths(request)
+    assert there.out == Path.cwd() / "crowd"
+    assert (there.pose_file, there.motions) == (Path.cwd() / "b.npz", (Path.cwd() / "a.npz",))
+    assert fingerprint(there) == fingerprint(request)
+    for each in fields(there):
+        value = getattr(there, each.name)
+        assert not isinstance(value, Path) or value.is_absolute()
+
+
+def test_help_and_the_page_of_options_tell_the_defaults() -> None:
+    """docs/cli.md is what `python -m tests.cli_page` writes."""
+    assert cli_page.PAGE.read_text() == cli_page.page()
+    words = {"content", "format", "out", "normal_map", "jobs"}  # whose default is no value
+    usual = {each.name: value for each, value in settings(parse(ONE))}
+    usual |= {"texture_format": usual["pictures"], "compress": "none", "ambient_occlusion": "0"}
+    told = {each.dest: cli_page.default_of(each) for each in OPTIONS if cli_page.default_of(each)}
+    assert words <= set(told)
+    for dest in set(told) - words:
+        value = usual[dest]
+        assert told[dest].split(",")[0] == (f"{value:g}" if isinstance(value, float) else str(value)), dest
