@@ -208,7 +208,7 @@ def test_the_format_comes_from_the_name_and_the_path_from_both() -> None:
 )
 def test_what_does_not_go_together_is_told_when_a_request_is_made(values: dict, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        ExportRequest(**({"seeds": 3} | values))
+        ExportRequest(**({"seeds": 3} | values))  # pyright: ignore[reportArgumentType]
 
 
 def test_paths_for_a_cluster_mean_the_same_anywhere() -> None:

@@ -10,7 +10,7 @@ import pytest
 import torch
 import trimesh
 
-from assets import BuildConfig, choose
+from assets import BuildConfig, choose, choose_settings
 from assets.scenes import SCENES
 from avatargen.avatar import shipped
 from avatargen.commands.export import avatar_export
@@ -149,7 +149,7 @@ def test_settings_are_chosen_in_python_as_by_the_command() -> None:
     assert choose_settings(crowd, budget_s=4.0) == replace(crowd, resolution=96, faces=2000)
     for wish in ({}, {"tolerance_mm": 1.0, "budget_s": 4.0}):
         with pytest.raises(InputError, match="one of them"):
-            choose_settings(**wish)
+            choose_settings(**wish)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.usefixtures("curves")
