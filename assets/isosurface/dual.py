@@ -96,9 +96,9 @@ def number_sheets() -> tuple[np.ndarray, np.ndarray]:
         joined = np.arange(EDGES)
         for side in range(6):
             for corner in range(4):
-                if enters(case, RINGS, side, corner):
+                if enters.py_func(case, RINGS, side, corner):
                     a = SIDE_EDGES[side, corner - 1]
-                    b = SIDE_EDGES[side, way_out(case, RINGS, side, corner)]
+                    b = SIDE_EDGES[side, way_out.py_func(case, RINGS, side, corner)]
                     joined[joined == joined[a]] = joined[b]
         crossed = [edge for side in range(6) for edge in SIDE_EDGES[side][differ(case, RINGS[side])]]
         for edge in sorted(set(crossed)):
@@ -114,11 +114,13 @@ def differ(case: int, ring: np.ndarray) -> np.ndarray:
     return inside != np.roll(inside, -1)
 
 
+@inner(forceinline=True)
 def enters(case, rings, side, corner):
     """Whether a ring of corners comes inside at this one."""
     return case >> rings[side, corner] & 1 and not case >> rings[side, corner - 1] & 1
 
 
+@inner(forceinline=True)
 def way_out(case, rings, side, corner):
     """The ring's edge by which it goes outside again."""
     while case >> rings[side, (corner + 1) % 4] & 1:
@@ -126,6 +128,7 @@ def way_out(case, rings, side, corner):
     return corner % 4
 
 
+@inner(forceinline=True)
 def beside(x, y, z, axis, along, i, j):
     """The place so far from this one along an axis, and along the next two."""
     if axis == 0:
@@ -135,6 +138,7 @@ def beside(x, y, z, axis, along, i, j):
     return x + i, y + j, z + along
 
 
+@inner(forceinline=True)
 def slot_of(x, y, z, field):
     """Where the value of a corner lies, -1 where none does."""
     xs, ys, zs, opened, _ = field
@@ -145,12 +149,14 @@ def slot_of(x, y, z, field):
     return -1 if brick == 0 else (brick - 1 << 6) + (code & 63)
 
 
+@inner(forceinline=True)
 def number_at(numbers, x, y, z, field):
     """The number of the cell with this low corner, 0 for none."""
     slot = slot_of(x, y, z, field)
     return 0 if slot < 0 else numbers[slot]
 
 
+@inner(forceinline=True)
 def case_of(x, y, z, size, field):
     """Which corners of a cell are inside, one bit each."""
     case = 0
@@ -160,6 +166,7 @@ def case_of(x, y, z, size, field):
     return case
 
 
+@compiled
 def sheets_of_small(small, field, sheets):
     """[S] the case of each small cell, and [S + 1] its first vertex."""
     case, first = np.empty(len(small), np.int64), np.zeros(len(small) + 1, np.int64)
@@ -170,6 +177,7 @@ def sheets_of_small(small, field, sheets):
     return case, first
 
 
+@inner(forceinline=True)
 def root(joined, edge):
     """The one that stands for all edges joined with this one."""
     while joined[edge] != edge:
@@ -177,6 +185,7 @@ def root(joined, edge):
     return edge
 
 
+@inner(forceinline=True)
 def join(joined, a, b):
     """Let two crossed edges be of one sheet."""
     if joined[a] < 0:
@@ -186,6 +195,7 @@ def join(joined, a, b):
     joined[root(joined, a)] = root(joined, b)
 
 
+@inner(forceinline=True)
 def edge_of_quarter(side, i, j, k):
     """The large cell's number of edge k of the ring around a quarter, at i, j, of one of its sides."""
     axis, across = side // 2, side % 2
@@ -198,6 +208,7 @@ def edge_of_quarter(side, i, j, k):
     return 12 + 4 * side + 2 + j if at == 1 else 4 * along + across + 2 * (at // 2)
 
 
+@inner
 def join_side(joined, case, side, rings, side_edges):
     """Join the edges of one side of a large cell where the surface crosses it."""
     for corner in range(4):
@@ -206,6 +217,7 @@ def join_side(joined, case, side, rings, side_edges):
             join(joined, a, side_edges[side, b])
 
 
+@inner
 def join_halved_side(joined, x, y, z, side, case_of_small, small_at, field, rings):
     """The same for a side beyond which are small cells, quarter by quarter; the large cell's low corner is
     given."""
@@ -226,6 +238,7 @@ def join_halved_side(joined, x, y, z, side, case_of_small, small_at, field, ring
                 join(joined, a, b)
 
 
+@compiled
 def sheets_of_large(large, case_of_small, count, small_at, large_at, field, rings, side_edges):
     """[L 36] the vertex of each crossed edge of the large cells, -1 for none; the number of all vertices."""
     vertex = np.full((len(large), WITH_HALVED_SIDES), -1, np.int64)
@@ -250,6 +263,7 @@ def sheets_of_large(large, case_of_small, count, small_at, large_at, field, ring
     return vertex, count
 
 
+@inner(forceinline=True)
 def edge_in_large(axis, along, i, j):
     """The large cell's number of an edge that lies i and j fine cells from its low corner along the next two
     axes and `along` from it along its own, on its surface."""
@@ -260,6 +274,7 @@ def edge_in_large(axis, along, i, j):
     return 4 * axis + i // 2 + 2 * (j // 2)
 
 
+@inner(forceinline=True)
 def cell_around(x, y, z, axis, quadrant, size, small_at, large_at, field):
     """In one of the quadrants around an edge that starts here, in turn from before it along both other axes:
     the number of its small cell, or, less than zero, of its large one; 0 for one that has given way."""
@@ -272,6 +287,7 @@ def cell_around(x, y, z, axis, quadrant, size, small_at, large_at, field):
     return -max(0, number_at(large_at, x & ~1, y & ~1, z & ~1, field))
 
 
+@inner(forceinline=True)
 def vertex_at(x, y, z, axis, quadrant, number, small_tables, large, vertex):
     """The vertex in the cell with this number, in a quadrant around a crossed edge that starts here."""
     if number > 0:
@@ -287,6 +303,7 @@ def vertex_at(x, y, z, axis, quadrant, number, small_tables, large, vertex):
     return vertex[cell, edge_in_large(2, dz, dx, dy)]
 
 
+@inner(forceinline=True)
 def look_around(around, x, y, z, axis, size, own, small_at, large_at, field):
     """Fill in the cells around an edge that starts here; whether its face is found from the cell with our
     number, which is the first one of its size around the edge, and no smaller one is there."""
@@ -301,6 +318,7 @@ def look_around(around, x, y, z, axis, size, own, small_at, large_at, field):
     return True
 
 
+@inner(forceinline=True)
 def add_slope(slopes, cell, low, size, small_tables, vertex, field):
     """Note a cell's slope at its vertices."""
     case, first, sheet_of_edge = small_tables
@@ -312,6 +330,7 @@ def add_slope(slopes, cell, low, size, small_tables, vertex, field):
             slopes[one, 0], slopes[one, 1], slopes[one, 2] = x, y, z
 
 
+@inner(forceinline=True)
 def add_crossing(vertices, crossings, ring, x, y, z, axis, size, field):
     """Add a crossed edge's crossing to the vertices around it; whether it leads outward."""
     steps = size * (axis == 0), size * (axis == 1), size * (axis == 2)
@@ -327,6 +346,7 @@ def add_crossing(vertices, crossings, ring, x, y, z, axis, size, field):
     return start < 0
 
 
+@compiled
 def cross_edges(small, large, small_tables, vertex, count, small_at, large_at, field):
     """[V 3] vertices at the mean of their crossings, [V 3] the field's change in their cells, [Q 4] the faces
     of the crossed edges."""
@@ -362,6 +382,7 @@ def cross_edges(small, large, small_tables, vertex, count, small_at, large_at, f
     return vertices, slopes, quads[:found]
 
 
+@inner(forceinline=True)
 def slope_of(x, y, z, size, field):
     """The mean change of the field along each axis of a cell, for one fine cell."""
     dx = dy = dz = 0.0
@@ -379,24 +400,3 @@ SIDE_EDGES = np.array(
     [[edge_between(ring[k], ring[(k + 1) % 4]) for k in range(4)] for ring in RINGS.tolist()]
 )  # between each corner of a ring and the next
 SHEETS, SHEET_OF_EDGE = number_sheets()
-enters = inner(enters, forceinline=True)
-way_out = inner(way_out, forceinline=True)
-beside = inner(beside, forceinline=True)
-slot_of = inner(slot_of, forceinline=True)
-number_at = inner(number_at, forceinline=True)
-case_of = inner(case_of, forceinline=True)
-sheets_of_small = compiled(sheets_of_small)
-root = inner(root, forceinline=True)
-join = inner(join, forceinline=True)
-edge_of_quarter = inner(edge_of_quarter, forceinline=True)
-join_side = inner(join_side)
-join_halved_side = inner(join_halved_side)
-sheets_of_large = compiled(sheets_of_large)
-edge_in_large = inner(edge_in_large, forceinline=True)
-cell_around = inner(cell_around, forceinline=True)
-vertex_at = inner(vertex_at, forceinline=True)
-slope_of = inner(slope_of, forceinline=True)
-look_around = inner(look_around, forceinline=True)
-add_slope = inner(add_slope, forceinline=True)
-add_crossing = inner(add_crossing, forceinline=True)
-cross_edges = compiled(cross_edges)

@@ -8,16 +8,19 @@ import numpy as np
 from avatargen.compiled import compiled, inner
 
 
+@inner(inline="always")
 def end_of(flat, edge):
     """The vertex that a directed edge leads to."""
     return flat[edge - 2] if edge % 3 == 2 else flat[edge + 1]
 
 
+@inner(inline="always")
 def previous(edge):
     """The edge before this one around its face."""
     return edge + 2 if edge % 3 == 0 else edge - 1
 
 
+@inner
 def ordered(order, keys, count):
     """An order sorted by the keys of what it names, 0 to count - 1; equal keys keep theirs."""
     place = np.zeros(count + 1, np.int64)
@@ -33,6 +36,7 @@ def ordered(order, keys, count):
     return result
 
 
+@compiled
 def match_edges(faces, vertex_count):
     """[E] for each directed edge its one opposite; -1 where it has none or several or is itself repeated."""
     flat = faces.ravel()
@@ -55,6 +59,7 @@ def match_edges(faces, vertex_count):
     return twin
 
 
+@compiled
 def count_split(faces, twin, vertex_count):
     """Vertices without faces or with faces in several fans."""
     flat = faces.ravel()
@@ -74,6 +79,7 @@ def count_split(faces, twin, vertex_count):
     return split
 
 
+@compiled
 def label(faces, vertex_count):
     """The number of connected components, and [V] the component of each vertex, by their first vertices."""
     parent = np.arange(vertex_count)
@@ -95,11 +101,3 @@ def label(faces, vertex_count):
         else:
             parent[vertex] = parent[parent[vertex]]
     return count, parent
-
-
-end_of = inner(end_of, inline="always")
-previous = inner(previous, inline="always")
-ordered = inner(ordered)
-match_edges = compiled(match_edges)
-count_split = compiled(count_split)
-label = compiled(label)

@@ -52,6 +52,7 @@ def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None 
     return compact(vertices, faces)
 
 
+@compiled
 def quadrics(vertices, faces):
     """[V 10] the upper triangle of each vertex's symmetric 4 x 4 matrix, row by row."""
     quadric = np.zeros((len(vertices), 10))
@@ -77,6 +78,7 @@ def quadrics(vertices, faces):
     return quadric
 
 
+@inner(forceinline=True)
 def best_point(quadric, vertices, u, v, middle):
     """The point of least error for two vertices, and that error."""
     xx, xy, xz = quadric[u, 0] + quadric[v, 0], quadric[u, 1] + quadric[v, 1], quadric[u, 2] + quadric[v, 2]
@@ -97,6 +99,7 @@ def best_point(quadric, vertices, u, v, middle):
     return x, y, z, error + 2 * (xy * x * y + xz * x * z + yz * y * z + xd * x + yd * y + zd * z)
 
 
+@inner(forceinline=True)
 def bucket_of(error):
     """Where an edge of this error waits."""
     if not error > 0.0:
@@ -104,6 +107,7 @@ def bucket_of(error):
     return min(max(int(PER_DOUBLING * (np.log2(error) - SMALLEST)), 0), BUCKETS - 1)
 
 
+@inner(forceinline=True)
 def may_join(start, twin, out, mark, stamp, u, v):
     """Whether an edge's ends share its two opposite vertices alone, and are not part of a tetrahedron."""
     neighbours, edge = 0, out[u]
@@ -122,12 +126,14 @@ def may_join(start, twin, out, mark, stamp, u, v):
             return shared == 2 and max(neighbours, others) > 3
 
 
+@inner(inline="always")
 def cross(ax, ay, az, bx, by, bz):
     """The cross product, and its square."""
     x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     return x, y, z, x * x + y * y + z * z
 
 
+@inner(forceinline=True)
 def spoils(vertices, start, twin, out, moved, other, x, y, z, limits):
     """By what the error counts more for the shape of the faces at a vertex that moves to a point, but for
     those at `other` too; infinitely more where one turns too far or loses its area."""
@@ -159,6 +165,7 @@ def spoils(vertices, start, twin, out, moved, other, x, y, z, limits):
             return worst
 
 
+@inner(forceinline=True)
 def push(number, error, first, following):
     """Let a pair wait in its bucket, which is returned."""
     bucket = bucket_of(error)
@@ -167,6 +174,7 @@ def push(number, error, first, following):
     return bucket
 
 
+@inner
 def link(start, twin, out, pair, half):
     """Fill in an edge that leaves each vertex, the pair of each directed edge, and an edge of each pair."""
     number = 0
@@ -178,6 +186,7 @@ def link(start, twin, out, pair, half):
             number += 1
 
 
+@inner(forceinline=True)
 def shrink(edge, opposite, start, twin, out, pair, half, alive):
     """Take an edge's two faces away and give the faces around its end to its start."""
     around, stop = out[end_of(start, edge)], out[end_of(start, edge)]
@@ -197,6 +206,7 @@ def shrink(edge, opposite, start, twin, out, pair, half, alive):
         alive[gone // 3] = False
 
 
+@inner(forceinline=True)
 def wake(u, vertices, quadric, start, twin, out, pair, waits, first, following, middle):
     """Let the edges at a vertex that were refused wait again; returns the lowest of their buckets."""
     lowest, around = BUCKETS, out[u]
@@ -211,6 +221,7 @@ def wake(u, vertices, quadric, start, twin, out, pair, waits, first, following, 
             return lowest
 
 
+@compiled
 def collapse(vertices, quadric, faces, twin, target, limits):
     """The faces that are left; moves vertices, and changes quadrics and twins on the way."""
     start = faces.astype(np.int32).ravel()
@@ -259,6 +270,7 @@ def collapse(vertices, quadric, faces, twin, target, limits):
     return left(start, alive, count)
 
 
+@inner
 def left(start, alive, count):
     """[count 3] the faces that are alive."""
     faces, kept = np.empty((count, 3), np.int64), 0
@@ -268,17 +280,3 @@ def left(start, alive, count):
                 faces[kept, corner] = start[3 * face + corner]
             kept += 1
     return faces
-
-
-cross = inner(cross, inline="always")
-quadrics = compiled(quadrics)
-best_point = inner(best_point, forceinline=True)
-bucket_of = inner(bucket_of, forceinline=True)
-may_join = inner(may_join, forceinline=True)
-spoils = inner(spoils, forceinline=True)
-push = inner(push, forceinline=True)
-link = inner(link)
-shrink = inner(shrink, forceinline=True)
-wake = inner(wake, forceinline=True)
-left = inner(left)
-collapse = compiled(collapse)

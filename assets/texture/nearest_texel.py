@@ -25,6 +25,7 @@ def nearest_texels(
     return nearest, squared
 
 
+@compiled
 def search_columns(marked):
     """[H W] the row of the nearest marked texel in the same column; far away where there is none."""
     height, width = marked.shape
@@ -44,6 +45,7 @@ def search_columns(marked):
     return row
 
 
+@compiled
 def search_rows(row, nearest, squared):
     """Fill in the results from each column's nearest rows."""
     height, width = row.shape
@@ -58,6 +60,7 @@ def search_rows(row, nearest, squared):
             squared[y, x] = (x - column[k]) ** 2 + (y - row[y, column[k]]) ** 2
 
 
+@inner
 def lowest_parabolas(row, y, column, start):
     """Fill in the columns whose parabolas are lowest somewhere, and from where on; how many there are."""
     count = 0
@@ -75,8 +78,3 @@ def lowest_parabolas(row, y, column, start):
         start[count] = begin if count else -np.inf
         count += 1
     return count
-
-
-search_columns = compiled(search_columns)
-lowest_parabolas = inner(lowest_parabolas)
-search_rows = compiled(search_rows)

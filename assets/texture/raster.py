@@ -45,6 +45,7 @@ def rasterise(triangles: Float64[np.ndarray, "T 3 2"], width: int, height: int) 
         yield Fragments(triangle=triangle[:count], pixel=pixel[:count], barycentric=barycentric[:count])
 
 
+@compiled
 def cover(weights, low, high, first, last, width, triangle, pixel, barycentric):
     """Fill in the fragments of some triangles, out of the boxes of pixels around them; how many there are."""
     count = 0
@@ -83,6 +84,3 @@ def linear_weights(triangles: Float64[np.ndarray, "T 3 2"]) -> Float64[np.ndarra
     slopes = np.stack([v[:, 1], -v[:, 0], -u[:, 1], u[:, 0]], axis=1).reshape(-1, 2, 2)
     slopes = slopes * scale[:, None, None]
     return np.concatenate([slopes, -(slopes @ a[:, :, None])], axis=2)
-
-
-cover = compiled(cover)

@@ -106,12 +106,14 @@ def face_rows(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 1
     return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
 
+@inner(inline="always")
 def on_edge(x, y, z, ex, ey, ez, inverse):
     """Squared distance of (x, y, z) from the edge from 0 to e, and where along it the closest point is."""
     k = min(max((ex * x + ey * y + ez * z) * inverse, 0.0), 1.0)
     return (x - k * ex) ** 2 + (y - k * ey) ** 2 + (z - k * ez) ** 2, k
 
 
+@inner
 def on_leaf(leaf, px, py, pz, found):
     """Fill in what is closest on each face of a leaf.
 
@@ -145,6 +147,7 @@ def on_leaf(leaf, px, py, pz, found):
         found[SHARE_3, k] = t if over else share_3
 
 
+@inner(inline="always")
 def to_box(box, x, y, z):
     """Squared distance from a box."""
     dx = max(box[0] - x, x - box[3], 0.0)
@@ -153,6 +156,7 @@ def to_box(box, x, y, z):
     return dx * dx + dy * dy + dz * dz
 
 
+@inner
 def next_leaf(boxes, x, y, z, limit, waiting, distance, size):
     """Go down to the next leaf within a squared distance, nearer side first; its number, -1 for none, and how
     many boxes wait."""
@@ -175,6 +179,7 @@ def next_leaf(boxes, x, y, z, limit, waiting, distance, size):
     return -1, 0
 
 
+@compiled
 def search(leaves, order, boxes, points, squared, face, barycentric):
     """Fill in the closest points; arrays as in `ClosestPoints`."""
     waiting, distance = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
@@ -198,6 +203,7 @@ def search(leaves, order, boxes, points, squared, face, barycentric):
         barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1 - second - third, second, third
 
 
+@compiled
 def is_inside(points, corners, normals, face, barycentric, on_edge, inside):
     """Whether points lie behind the feature of the face that their closest point is on: the face, the edge
     opposite a corner or a corner (seven `normals` a face, in this order); `on_edge` as in `distance`."""
@@ -214,11 +220,3 @@ def is_inside(points, corners, normals, face, barycentric, on_edge, inside):
             foot = b0 * corners[f, 0, d] + b1 * corners[f, 1, d] + b2 * corners[f, 2, d]
             across += (points[i, d] - foot) * normals[f, on, d]
         inside[i] = across < 0
-
-
-on_edge = inner(on_edge, inline="always")
-on_leaf = inner(on_leaf)
-to_box = inner(to_box, inline="always")
-next_leaf = inner(next_leaf)
-search = compiled(search)
-is_inside = compiled(is_inside)

@@ -112,6 +112,7 @@ def gathering_of(decoder: Decoder, frame: PlaneFrame, faces: Int64[np.ndarray, "
     )
 
 
+@compiled
 def share_parts(points, slope, level, owner, shares):
     """Fill in [N P] shares, as `avatargen.generator.parts.Shares` has them."""
     exponent, weight = np.empty(len(level)), np.empty(shares.shape[1])
@@ -136,6 +137,7 @@ def share_parts(points, slope, level, owner, shares):
             shares[i, part] = weight[part] / kept
 
 
+@compiled
 def place_rows(shares, ends, point, share, first):
     """Fill in each row's point and share, and the first row of each point."""
     row = np.empty(len(ends), np.int64)
@@ -151,6 +153,7 @@ def place_rows(shares, ends, point, share, first):
                 row[part] += 1
 
 
+@inner(inline="always")
 def texel_of(place, knots, slopes, axis, resolution):
     """The texel below a place of 0..1 along an axis, and the fraction toward the next."""
     place = min(max(place, 0.0), 1.0)
@@ -162,6 +165,7 @@ def texel_of(place, knots, slopes, axis, resolution):
     return lower, texel - lower
 
 
+@inner(inline="always")
 def corners_of(u, v):
     """The weights of a plane's four texels."""
     u, v, w = np.float32(u), np.float32(v), np.float32(PLANE_GAIN)
@@ -169,6 +173,7 @@ def corners_of(u, v):
     return (one - u) * (one - v) * w, u * (one - v) * w, (one - u) * v * w, u * v * w
 
 
+@compiled
 def fill_planes(place, knots, slopes, table, first, inputs):
     """Fill in the sums of the three planes' bilinear samples, in the first columns."""
     size = round(math.sqrt(len(table) / 3))
@@ -191,6 +196,7 @@ def fill_planes(place, knots, slopes, table, first, inputs):
             inputs[row, c] = value
 
 
+@compiled
 def fill_vertices(distance, corners, barycentric, features, inverse_reach, first, inputs, start):
     """Fill in, from column `start`, the features at the closest body points, faded out before these jump."""
     for i in range(len(distance) if features.shape[1] else 0):
@@ -205,6 +211,7 @@ def fill_vertices(distance, corners, barycentric, features, inverse_reach, first
             inputs[row, start + k] = of_a * features[a, k] + of_b * features[b, k] + of_c * features[c, k]
 
 
+@compiled
 def fill_place(angle, sine, cosine, first, inputs, start):
     """Fill in, from column `start`, the place in the box, -1..1, and its sines and cosines at pi, 2 pi, 4 pi
     ..., each by the double angle of the one before."""
@@ -220,6 +227,7 @@ def fill_place(angle, sine, cosine, first, inputs, start):
                 s, c = 2 * s * c, 1 - 2 * s * s
 
 
+@compiled
 def copy_rows(inputs, point, first):
     """Fill in the further rows of points in more than one part."""
     for row in range(len(point)):
@@ -229,19 +237,9 @@ def copy_rows(inputs, point, first):
                 inputs[row, column] = inputs[same, column]
 
 
+@compiled
 def blend(values, point, share, total):
     """Add rows' values to their points', by their shares."""
     for row in range(len(values)):
         for k in range(values.shape[1]):
             total[point[row], k] += share[row] * values[row, k]
-
-
-texel_of = inner(texel_of, inline="always")
-corners_of = inner(corners_of, inline="always")
-share_parts = compiled(share_parts)
-place_rows = compiled(place_rows)
-fill_planes = compiled(fill_planes)
-fill_vertices = compiled(fill_vertices)
-fill_place = compiled(fill_place)
-copy_rows = compiled(copy_rows)
-blend = compiled(blend)
