@@ -76,6 +76,12 @@ def test_imports_point_one_way(package: str) -> None:
             assert not [module for module in modules if module.startswith(LEARNED)], path
 
 
+def test_mesh_tools_know_nothing_of_people() -> None:
+    for path in files_of("avatargen/mesh"):
+        ours = {module for module in imports_of(path) if module.split(".")[0] in PACKAGES}
+        assert ours <= {"avatargen.compiled"}, path
+
+
 def test_every_import_is_declared_and_every_dependency_used() -> None:
     run_time = third_party(files_of(*PACKAGES))
     extras = ("derive", "train", "bench", "view", "film", "ray")

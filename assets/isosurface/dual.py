@@ -22,8 +22,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from assets.isosurface.grid import CornerValues
-from avatargen.body.distance import near_order
 from avatargen.compiled import compiled, inner
+from avatargen.mesh.morton import morton_order
 
 EDGES, WITH_HALVED_SIDES = 12, 36
 HALVED = -1  # in the place of a large cell's number
@@ -49,7 +49,7 @@ class Contour:
 
 def contour(values: CornerValues, leaves: Leaves) -> Contour:
     """The closed surface through these cells."""
-    small, large = (cells[near_order(cells.astype(np.float32))] for cells in (leaves.small, leaves.large))
+    small, large = (cells[morton_order(cells.astype(np.float32))] for cells in (leaves.small, leaves.large))
     small_at = np.zeros(len(values.values), dtype=np.int32)  # by slot of the low corner, from 1; 0 for none
     large_at = small_at.copy()
     small_at[values.slots(small)] = np.arange(1, len(small) + 1)
