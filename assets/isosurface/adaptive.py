@@ -144,10 +144,10 @@ def crossed_twice(values: CornerValues, small: Int64[np.ndarray, "S 3"]) -> Int6
 def lay(found: Contour, grid: Grid, sdf: Field) -> Surface:
     """The contour's vertices one step of Newton's method nearer to the zero level of `sdf`."""
     vertices = grid.points(found.vertices)
-    steepness = np.maximum(np.linalg.norm(found.slopes, axis=1), 1e-300)
+    steepness = np.maximum(np.linalg.norm(found.gradients, axis=1), 1e-300)
     step = ask(sdf, vertices) / steepness  # in small cells
     step = np.clip(step, -LARGEST_STEP, LARGEST_STEP) * grid.cell_size
     return Surface(
-        vertices=vertices - (step / steepness)[:, None] * found.slopes,
+        vertices=vertices - (step / steepness)[:, None] * found.gradients,
         faces=found.faces,
     )
