@@ -127,9 +127,9 @@ def count_split_vertices(surface: Surface, twin: Int64[np.ndarray, " E"]) -> int
 
 def label_components(surface: Surface) -> tuple[int, Int64[np.ndarray, " V"]]:
     """Number of connected components and the component of each vertex."""
-    from assets.mesh.connectivity import label
+    from assets.mesh.connectivity import label_vertices
 
-    return label(np.ascontiguousarray(surface.faces), len(surface.vertices))
+    return label_vertices(np.ascontiguousarray(surface.faces), len(surface.vertices))
 
 
 def face_normals(surface: Surface) -> Float64[np.ndarray, "F 3"]:
