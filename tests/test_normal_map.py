@@ -39,7 +39,9 @@ def at_rest(surface: Surface, matrix=None) -> RestMesh:
     vertices = surface.vertices @ (np.eye(3) if matrix is None else matrix).T
     normals = vertex_normals(Surface(vertices=vertices, faces=surface.faces))
     frames = np.eye(4)[None]
-    return RestMesh(vertices=vertices, normals=normals, T_world_joint=frames, turns=frames[:, :3, :3])
+    return RestMesh(
+        vertices=vertices, normals=normals, T_world_joint=frames, rest_rotations=frames[:, :3, :3]
+    )
 
 
 def charts(surface: Surface) -> Atlas:
