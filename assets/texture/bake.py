@@ -1,5 +1,5 @@
 """The base colour texture: ask the field for the colour at each texel's place on the surface, but where
-`assets.texture.calm` finds that its neighbours tell it.
+`assets.texture.coarse_to_fine` finds that its neighbours tell it.
 
 Beyond the charts' edges the faces go on flat for as far as bilinear filtering reaches; the rest takes the
 nearest texel's colour, so that neither filtering nor smaller copies of the texture bring in anything else.
@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float64, Int64, UInt8
 from assets.field import Field, ask
 from assets.mesh.surface import Surface
 from assets.texture.atlas import Atlas
-from assets.texture.calm import AskTexels, ask_coarse_to_fine
+from assets.texture.coarse_to_fine import AskTexels, ask_coarse_to_fine
 from assets.texture.nearest_texel import nearest_texels
 from assets.texture.raster import coordinates, rasterise
 from avatargen.errors import InputError

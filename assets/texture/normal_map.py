@@ -67,7 +67,7 @@ def bake_normals(
         tangent = np.einsum("nc,ncd->nd", share, tangents[atlas.faces[face]].astype(np.float64))
         return np.rint(127.5 * (in_frame(facing, normal, tangent) + 1)).astype(np.uint8)
 
-    # every texel: the facets of a trained field leave no block calm
+    # every texel: the facets of a trained field leave no block uniform
     texels = np.zeros((config.texture_size, config.texture_size, 3), dtype=np.uint8)
     texels.reshape(-1, 3)[laid.asked] = in_chunks(draw)(laid.asked)
     return NormalMap(texels=laid.spread(texels), tangents=tangents)

@@ -19,7 +19,7 @@ from assets.field import Field, ask
 from assets.mesh.surface import Surface, vertex_normals
 from assets.texture.atlas import Atlas
 from assets.texture.bake import BakeConfig, in_chunks, lay_texels
-from assets.texture.calm import ask_coarse_to_fine
+from assets.texture.coarse_to_fine import ask_coarse_to_fine
 from assets.texture.normal_map import unit
 from avatargen.body.distance import BodyDistance
 

@@ -41,11 +41,11 @@ def pair(name: str, joint: str, axis: int, left: int, right: int, low: int, high
     }
 
 
-def of_hands(name: str, turns: dict[str, Axis], low: int, high: int) -> dict[str, Limb]:
+def of_hands(name: str, axes: dict[str, Axis], low: int, high: int) -> dict[str, Limb]:
     """Joints of the left hand turned about these axes, and those of the right about their mirror images."""
     return {
         f"{side} {name}": Limb(
-            axes=tuple((f"{side}_{joint}", (x, sign * y, sign * z)) for joint, (x, y, z) in turns.items()),
+            axes=tuple((f"{side}_{joint}", (x, sign * y, sign * z)) for joint, (x, y, z) in axes.items()),
             low=low,
             high=high,
         )
