@@ -7,7 +7,7 @@ it bends.
 
 What is simplified afterwards needs no small faces where it is flat: with a twentieth of the faces left, half
 the questions and two fifths of the faces serve nearly as well. A large cell of size s in which the surface
-bends by an angle hides a rise of angle * s / 8, and the error of the N faces left goes with 1 / N, so the
+bends by an angle hides a bump angle * s / 8 high, and the error of the N faces left goes with 1 / N, so the
 angle from which a cell is halved goes with 1 / (N s). Sheets that slip between a large cell's corners are
 found where they leave small cells, and followed; what grows out of a flat part, thinner than a large cell,
 may be overlooked.

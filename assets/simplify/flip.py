@@ -34,7 +34,7 @@ class Diagonals:
     faces: Int64[np.ndarray, "N 2"]
     ends: Int64[np.ndarray, "N 4"]  # a b c d
     area: Float64[np.ndarray, " N"]  # of both faces, square metres
-    rise: Float64[np.ndarray, " N"]  # metres from the middle of c d to that of a b, outward
+    height: Float64[np.ndarray, " N"]  # metres from the middle of c d to that of a b, outward
     angle: Float64[np.ndarray, " N"]  # the smallest of both faces, degrees
     turned_angle: Float64[np.ndarray, " N"]
 
@@ -80,7 +80,7 @@ def diagonals(surface: Surface, largest_turn: float) -> Diagonals:
         faces=np.stack([edge // 3, other // 3], axis=1),
         ends=np.stack([a, b, c, d], axis=1),
         area=0.5 * np.linalg.norm(before, axis=2).sum(axis=0),
-        rise=np.einsum("nd,nd->n", 0.5 * (points[a] + points[b] - points[c] - points[d]), mean),
+        height=np.einsum("nd,nd->n", 0.5 * (points[a] + points[b] - points[c] - points[d]), mean),
         angle=np.minimum(smallest(points, a, b, c), smallest(points, b, a, d)),
         turned_angle=np.minimum(smallest(points, c, a, d), smallest(points, d, b, c)),
     ).at(able)
@@ -92,11 +92,11 @@ def worthwhile(
     """Those whose turning brings the surface nearer or mends a thin face, and how much each gains."""
     mends = (found.angle < config.thin) & (found.turned_angle > found.angle)
     sound = found.turned_angle > np.minimum(config.thin, found.angle)
-    looked_at = mends | (sound & (np.abs(found.rise) > config.worth))
+    looked_at = mends | (sound & (np.abs(found.height) > config.worth))
     found, mends = found.at(looked_at), mends[looked_at]
     a, b, c, d = (surface.vertices[ends] for ends in found.ends.T)
     before = ask(sdf, 0.5 * (a + b))
-    after_ = before - found.rise  # to first order
+    after_ = before - found.height  # to first order
     likely = mends | (np.abs(after_) < config.better * np.abs(before))
     after_[likely] = ask(sdf, 0.5 * (c + d)[likely])
     before, after_ = np.abs(before), np.abs(after_)

@@ -232,11 +232,11 @@ def unfold(
     edge, uv_edge = end - start, uv_end - uv_start
     length = np.maximum(np.linalg.norm(edge, axis=1), 1e-12)
     along = np.einsum("nd,nd->n", tip - start, edge) / length**2
-    rise = np.linalg.norm(tip - start - along[:, None] * edge, axis=1) / length
+    height = np.linalg.norm(tip - start - along[:, None] * edge, axis=1) / length
     across = np.stack([-uv_edge[:, 1], uv_edge[:, 0]], axis=1)
     away = -np.sign(np.einsum("nd,nd->n", across, uv_behind - uv_start))
-    place = uv_start + along[:, None] * uv_edge + (away * rise)[:, None] * across
-    return place, rise * np.linalg.norm(uv_edge, axis=1)
+    place = uv_start + along[:, None] * uv_edge + (away * height)[:, None] * across
+    return place, height * np.linalg.norm(uv_edge, axis=1)
 
 
 def check_atlas(surface: Surface, atlas: Atlas) -> None:

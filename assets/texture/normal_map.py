@@ -62,7 +62,7 @@ def bake_normals(
         face, share = texel_map.face[texel], texel_map.barycentric(texel)
         corners = surface.faces[face]
         places = np.einsum("nc,ncd->nd", share, surface.vertices[corners])
-        facing = to_rest(surface, stretched, face, rise(sdf, places))
+        facing = to_rest(surface, stretched, face, scaled_gradients(sdf, places))
         normal = np.einsum("nc,ncd->nd", share, rest.normals[corners])
         tangent = np.einsum("nc,ncd->nd", share, tangents[atlas.faces[face]].astype(np.float64))
         return np.rint(127.5 * (in_frame(facing, normal, tangent) + 1)).astype(np.uint8)
@@ -73,7 +73,7 @@ def bake_normals(
     return NormalMap(texels=texel_map.spread(texels), tangents=tangents)
 
 
-def rise(sdf: Field, points: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
+def scaled_gradients(sdf: Field, points: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
     """The field's gradient times 4/3 of the step, from four values around each point."""
     places = points[:, None] + STEP * TETRAHEDRON
     return ask(sdf, places.reshape(-1, 3)).reshape(-1, QUESTIONS) @ TETRAHEDRON

@@ -72,6 +72,6 @@ def openness(
     start = ask(sdf, points)
     missing = np.zeros(len(points))
     for height in HEIGHTS:
-        rise = ask(sdf, points + height * normals) - start
-        missing += np.clip(1 - rise / height, 0, 1)
+        growth = ask(sdf, points + height * normals) - start
+        missing += np.clip(1 - growth / height, 0, 1)
     return np.clip(1 - STRENGTH * missing / len(HEIGHTS), 0, 1)
