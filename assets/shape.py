@@ -17,7 +17,7 @@ from assets.build_config import AvatarFields, BuildConfig
 from assets.clock import Clock
 from assets.isosurface.adaptive import trace_adaptively
 from assets.isosurface.extract import ExtractConfig, Extraction, trace, trace_whole
-from assets.mesh.clean import Cleaning, tidy
+from assets.mesh.clean import Cleaning, clean
 from assets.mesh.measure import SurfaceError, missed_error, surface_error
 from assets.mesh.surface import Surface
 from assets.simplify.reduce import reduce, settle
@@ -59,7 +59,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
         with clock("extract"):
             extraction = find_surface(avatar, config.resolution, config.faces)
         with clock("clean"):
-            cleaning = tidy(extraction.surface)
+            cleaning = clean(extraction.surface)
         surface, charts, atlas = cleaning.surface, None, None
         if config.faces is not None:
             with clock("simplify"):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from assets.field import Field, ask
-from assets.mesh.mend import following
+from assets.mesh.repair import next_edge
 from assets.mesh.surface import Surface, opposite_edges, smallest_angle_of
 
 
@@ -67,8 +67,8 @@ def diagonals(surface: Surface, largest_turn: float) -> Diagonals:
     twin = opposite_edges(faces, count)
     edge = np.flatnonzero(twin > np.arange(len(twin)))
     flat, other = faces.reshape(-1), twin[edge]
-    a, b = flat[edge], flat[following(edge)]
-    c, d = flat[following(following(edge))], flat[following(following(other))]
+    a, b = flat[edge], flat[next_edge(edge)]
+    c, d = flat[next_edge(next_edge(edge))], flat[next_edge(next_edge(other))]
     doubled = np.isin(names(c, d, count), names(a, b, count)) | (c == d)
     before = np.stack([double_areas(points, a, b, c), double_areas(points, b, a, d)])
     turned = np.stack([double_areas(points, c, a, d), double_areas(points, d, b, c)])

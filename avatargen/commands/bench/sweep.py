@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from assets.build_config import BuildConfig
-from assets.mesh.clean import tidy
+from assets.mesh.clean import clean
 from assets.mesh.measure import surface_error
 from assets.mesh.surface import Surface, find_defects, smallest_angles
 from assets.shape import atlas_config, find_pose, find_surface
@@ -104,7 +104,7 @@ def sweep_surfaces(
         with measured() as extracting:
             extraction = find_surface(avatar, resolution, count)
         with measured() as cleaning:
-            dense = tidy(extraction.surface).surface
+            dense = clean(extraction.surface).surface
         if count < len(dense.faces):
             seconds = {"extract": extracting.cpu_seconds, "clean": cleaning.cpu_seconds}
             row = surface_row(avatar, truth, dense, resolution, count, seconds)
@@ -163,7 +163,7 @@ def skinned(surface: Surface, avatar: Avatar) -> tuple[Attachment, Skin]:
 
 def default_surface(avatar: Avatar, resolution: int, faces: int) -> Surface:
     """The mesh that textures and poses are measured on."""
-    dense = tidy(find_surface(avatar, resolution, faces).surface).surface
+    dense = clean(find_surface(avatar, resolution, faces).surface).surface
     return settle(reduce(dense, avatar.sdf, faces), avatar.sdf)
 
 
