@@ -17,7 +17,7 @@ from assets.mesh.clean import clean
 from assets.mesh.measure import surface_error
 from assets.mesh.surface import Surface, find_defects, smallest_angles
 from assets.shape import atlas_config, find_pose, find_surface
-from assets.simplify.reduce import reduce, settle
+from assets.simplify.reduce import reduce, refit
 from assets.skin.attach import Attachment, attach
 from assets.skin.rest import to_rest
 from assets.skin.skin import Skin, SkinConfig, parts_of_faces, skin_attached
@@ -117,7 +117,7 @@ def surface_row(
     """One number of faces of an extracted surface: the later stages one by one."""
     costs = []
     with measured() as cost:
-        surface = settle(reduce(dense, avatar.sdf, faces), avatar.sdf)
+        surface = refit(reduce(dense, avatar.sdf, faces), avatar.sdf)
     costs.append(("simplify", cost))
     with measured() as cost:
         attachment, skin = skinned(surface, avatar)
@@ -164,7 +164,7 @@ def skinned(surface: Surface, avatar: Avatar) -> tuple[Attachment, Skin]:
 def default_surface(avatar: Avatar, resolution: int, faces: int) -> Surface:
     """The mesh that textures and poses are measured on."""
     dense = clean(find_surface(avatar, resolution, faces).surface).surface
-    return settle(reduce(dense, avatar.sdf, faces), avatar.sdf)
+    return refit(reduce(dense, avatar.sdf, faces), avatar.sdf)
 
 
 def sweep_textures(
