@@ -22,8 +22,8 @@ from assets.field import Field, ask
 from assets.isosurface.band import HALVES, ExtractConfig
 from assets.isosurface.dual import Contour, Leaves, contour
 from assets.isosurface.extract import Extraction
-from assets.isosurface.follow import across, find_start, follow_surface
-from assets.isosurface.grid import CORNERS, CellSet, CornerValues, Grid, different, grown, make_grid
+from assets.isosurface.follow import cells_across, find_start, follow_surface
+from assets.isosurface.grid import CORNERS, CellSet, CornerValues, Grid, grown, make_grid, unique_corners
 from assets.mesh.surface import Surface
 
 LARGE = 2  # small cells along a side of a large one
@@ -50,7 +50,7 @@ def trace_adaptively(
     leaves = refine(values, large, bends(values, large, angle))
     found = contour(values, leaves)
     return Extraction(
-        surface=lay(found, grid, sdf),
+        surface=newton_step(found, grid, sdf),
         cell_size=grid.cell_size,
         queries=start.queries + values.queries + len(found.vertices),
         attempts=start.attempts,
@@ -92,7 +92,7 @@ def refine(values: CornerValues, large: Int64[np.ndarray, "C 3"], bent: Bool[np.
         listed.add(frontier)
         found.append(frontier)
         inside = values.ask(values.slots_of_cells(frontier)) < 0
-        reached = across(values.grid, frontier, inside)
+        reached = cells_across(values.grid, frontier, inside)
         parents = reached - reached % LARGE
         unseen = parents[~crossed.has(parents)]
         new = halved.lacking(np.concatenate([unseen, crossed_twice(values, frontier)]))
@@ -118,7 +118,7 @@ def first_halves(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Int64
             middle = values.at(cells[there] + CORNERS[low] + end) < 0
             upper = (middle == inside[there, low])[:, None]
             found.append(cells[there] + np.where(upper, end, CORNERS[low]))
-    return different(values, np.concatenate(found))
+    return unique_corners(values, np.concatenate(found))
 
 
 def mixed_halves(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:
@@ -141,7 +141,7 @@ def crossed_twice(values: CornerValues, small: Int64[np.ndarray, "S 3"]) -> Int6
     return np.concatenate(found)
 
 
-def lay(found: Contour, grid: Grid, sdf: Field) -> Surface:
+def newton_step(found: Contour, grid: Grid, sdf: Field) -> Surface:
     """The contour's vertices one step of Newton's method nearer to the zero level of `sdf`."""
     vertices = grid.points(found.vertices)
     steepness = np.maximum(np.linalg.norm(found.gradients, axis=1), 1e-300)

@@ -67,7 +67,7 @@ def grown(array: Shaped[np.ndarray, " M"], size: int) -> Shaped[np.ndarray, " N"
     return longer
 
 
-def once(numbers: Int64[np.ndarray, " N"], below: int) -> Int64[np.ndarray, " K"]:
+def unique_below(numbers: Int64[np.ndarray, " N"], below: int) -> Int64[np.ndarray, " K"]:
     """Each of these numbers once, in order: faster than sorting, unless they are few."""
     if len(numbers) < FEW * below:
         return np.unique(numbers)
@@ -138,7 +138,7 @@ class CornerValues:
     def ask(self, slots: Int64[np.ndarray, "*N"]) -> Float64[np.ndarray, "*N"]:
         """The field at the corners of these slots, asked where it has not been asked."""
         found = self.values[slots]
-        new = once(slots[found == 0], len(self.values))
+        new = unique_below(slots[found == 0], len(self.values))
         if len(new) == 0:
             return found
         values = ask(self.sdf, self.grid.points(self.corners(new)))
@@ -178,9 +178,9 @@ class CellSet:
 
     def lacking(self, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:
         """Those of these cells that are not in it, each once."""
-        return different(self.values, cells[~self.has(cells)])
+        return unique_corners(self.values, cells[~self.has(cells)])
 
 
-def different(values: CornerValues, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, "K 3"]:
+def unique_corners(values: CornerValues, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, "K 3"]:
     """Each of these corners once."""
-    return values.corners(once(values.slots(corners), len(values.values)))
+    return values.corners(unique_below(values.slots(corners), len(values.values)))
