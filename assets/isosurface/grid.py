@@ -16,7 +16,7 @@ CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0
 MAX_CORNERS = 1 << 34
 BITS = 2  # of a coordinate, that tell corners of one brick apart
 BRICK = 1 << BITS  # corners along a brick's side
-FEW = 1 / 100  # of the numbers there are
+FEW = 1 / 100  # share of all numbers, under which sorting is faster than marking
 NEVER_ZERO = 1e-5  # of a cell: values closer to zero are moved there, so that no triangle has zero area
 
 
@@ -68,7 +68,8 @@ def grown(array: Shaped[np.ndarray, " M"], size: int) -> Shaped[np.ndarray, " N"
 
 
 def unique_below(numbers: Int64[np.ndarray, " N"], below: int) -> Int64[np.ndarray, " K"]:
-    """Each of these numbers once, in order: faster than sorting, unless they are few."""
+    """Each of these numbers (0 to below - 1) once, in order: like `np.unique`, but by marking them, which is
+    faster unless they are few."""
     if len(numbers) < FEW * below:
         return np.unique(numbers)
     there = np.zeros(below, dtype=bool)

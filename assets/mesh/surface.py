@@ -11,9 +11,8 @@ from jaxtyping import Bool, Float64, Int64
 
 from assets.errors import GeometryError
 
-THIN = 1e-9  # area of a face over the square of its longest edge, at or under which it has none
-
-FLAT = 1e-9  # volume over the cube of the extent, at or under which there is none
+THIN = 1e-9  # area of a face over the square of its longest edge, at or under which it counts as none
+FLAT = 1e-9  # volume of a surface over the cube of its extent, at or under which it counts as none
 
 
 @dataclass(frozen=True, kw_only=True)

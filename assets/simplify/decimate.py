@@ -73,8 +73,11 @@ class Mesh(NamedTuple):
 
 
 def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None = None) -> Surface:
-    """The surface at the number of faces, or one more; at more than that where nothing else may go, and the
-    surface itself where it is not closed and manifold."""
+    """The surface with `target_faces` faces or one more.
+
+    With more than that where no other edge may collapse. A surface that is not closed and manifold comes back
+    as it is.
+    """
     config = config or DecimateConfig()
     twin = opposite_edges(surface.faces, len(surface.vertices))
     if (twin < 0).any():

@@ -60,7 +60,8 @@ class Planes:
 
 
 def fit(surface: Surface, sdf: Field, config: FitConfig | None = None) -> Surface:
-    """The same faces on moved vertices, nearer to the zero level of `sdf` in the mean square over the area.
+    """The same faces on moved vertices, nearer to the zero level of `sdf` (metres) in the mean square over
+    the area.
 
     Raises:
         FieldError: the field is NaN or infinite.

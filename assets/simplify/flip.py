@@ -1,8 +1,8 @@
-"""Turn edges to the other diagonal of their two faces where that lies nearer to the zero level of the field,
-as along creases, or where it mends faces too thin.
+"""Edge flips: an edge gives way to the other diagonal of its two faces where that lies nearer to the zero
+level of the field, as along creases, or where it makes a thin face wider.
 
-The vertices stay. Faces that turn by more than the limit, or that get thinner than they may, are refused.
-Letters: V vertices, F faces, N edges that may be turned; an edge from a to b has c and d opposite.
+The vertices stay. A flip is refused where faces would turn by more than the limit, or get thinner than they
+may. Letters: V vertices, F faces, N edges that may be flipped; an edge from a to b has c and d opposite.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,8 @@ class Diagonals:
 
 
 def flip(surface: Surface, sdf: Field, config: FlipConfig | None = None) -> Surface:
-    """The same vertices with some edges turned; closed and manifold as before.
+    """The same vertices with some edges flipped, nearer to the zero level of `sdf` (metres); closed and
+    manifold as before.
 
     Raises:
         FieldError: the field is NaN or infinite.
@@ -52,7 +53,7 @@ def flip(surface: Surface, sdf: Field, config: FlipConfig | None = None) -> Surf
     for _ in range(config.rounds):
         found = diagonals(surface, config.largest_turn)
         found, gain = worthwhile(surface, found, sdf, config)
-        chosen = found.at(not_touching(found, gain))
+        chosen = found.at(independent_set(found, gain))
         faces = surface.faces.copy()
         a, b, c, d = chosen.ends.T
         faces[chosen.faces[:, 0]] = np.stack([c, a, d], axis=1)
@@ -108,7 +109,7 @@ def worthwhile(
     return found.at(chosen), gain[chosen]
 
 
-def not_touching(found: Diagonals, gain: Float64[np.ndarray, " N"]) -> Bool[np.ndarray, " N"]:
+def independent_set(found: Diagonals, gain: Float64[np.ndarray, " N"]) -> Bool[np.ndarray, " N"]:
     """Edges that gain more than the others of their two faces, and of which no two make the same edge."""
     best = np.full(int(found.faces.max(initial=-1)) + 1, -1, dtype=np.int64)
     rank = np.empty(len(gain), dtype=np.int64)

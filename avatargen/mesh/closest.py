@@ -23,9 +23,9 @@ SLACK = 1 + 1e-12  # times a squared distance, so that rounding hides no face th
 DEEPEST = 64  # levels of the tree that a search has room for, more than any tree has
 FLAT = 1e-14  # squared sine of the angle between two edges, under which a face counts as without area
 PART = 20_000  # points that are worth a thread: some milliseconds of work
-# rows of a leaf [19 K], a column a face: its first corner; edges from there to the second and the third corner;
-# gradients of the barycentric coordinates of these two; one over the squared lengths of the edges from the first
-# to the second, from the first to the third, and from the second to the third; 1 where it has no area
+# rows of a leaf [19 K], a column a face: its first corner; edges from there to the second and the third;
+# gradients of the barycentric coordinates of these two; one over the squared lengths of the edges between the
+# first and the second, the first and the third, the second and the third; 1 where it has no area
 CORNER, SECOND, THIRD, GRADIENT_2, GRADIENT_3, INVERSE, NO_AREA = 0, 3, 6, 9, 12, 15, 18
 # rows of what was found in a leaf [3 K]: squared distance, coordinates of the second and third corner
 SQUARED, SHARE_2, SHARE_3 = 0, 1, 2
