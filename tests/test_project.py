@@ -82,6 +82,26 @@ def test_mesh_tools_know_nothing_of_people() -> None:
         assert ours <= {"avatargen.compiled"}, path
 
 
+def test_compiled_functions_are_marked_and_explained() -> None:
+    """By a decorator and a docstring: annotations would not be checked in machine code."""
+    marked = 0
+    for path in files_of("avatargen", "assets", "exporters"):
+        tree = ast.parse(path.read_text())
+        for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+            names = {getattr(getattr(mark, "func", mark), "id", "") for mark in function.decorator_list}
+            if names & {"compiled", "inner"}:
+                marked += 1
+                assert ast.get_docstring(function), f"{path}: {function.name}"
+                assert not any(each.annotation for each in function.args.args), f"{path}: {function.name}"
+        calls = {
+            node.value.func
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+        }
+        assert not [call for call in calls if getattr(call, "id", "") in ("compiled", "inner")], path
+    assert marked > 50
+
+
 def test_every_import_is_declared_and_every_dependency_used() -> None:
     run_time = third_party(files_of(*PACKAGES))
     extras = ("derive", "train", "bench", "view", "film", "ray")
