@@ -60,7 +60,7 @@ class Queue(NamedTuple):
     """Pairs by error. Each bucket is a chain of pairs, -1 at its end; the last one in is the first out."""
 
     first: Int32[np.ndarray, "768"]  # of each bucket
-    following: Int32[np.ndarray, " P"]  # the next of the same bucket
+    next_pair: Int32[np.ndarray, " P"]  # in the same bucket
     waits: Bool[np.ndarray, " P"]  # False for pairs that were refused
 
 
@@ -101,7 +101,7 @@ def bucket_of(error):
 def push(queue, number, error):
     """Put a pair into its bucket, which is returned."""
     bucket = bucket_of(error)
-    queue.following[number] = queue.first[bucket]
+    queue.next_pair[number] = queue.first[bucket]
     queue.first[bucket] = number
     return bucket
 
@@ -213,7 +213,7 @@ def collapse_edges(vertices, quadric, faces, twin, target, limits):
         if number < 0:
             lowest += 1
             continue
-        queue.first[lowest] = queue.following[number]
+        queue.first[lowest] = queue.next_pair[number]
         edge = pairs.edge[number]
         if edge < 0:
             continue
