@@ -166,7 +166,7 @@ def chart_atlas(
     return atlas
 
 
-def joined(surface: Surface, rows: list[Int64[np.ndarray, " N"]], result: dict[str, np.ndarray]) -> Atlas:
+def joined(surface: Surface, rows: list[Int64[np.ndarray, " _"]], result: dict[str, np.ndarray]) -> Atlas:
     """One atlas of the charts that xatlas made of the parts' meshes; `rows` are the faces of each part."""
     faces, uv, vertex_map, first = np.full(surface.faces.shape, -1), [], [], 0
     for index, part in enumerate(rows):
