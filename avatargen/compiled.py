@@ -6,6 +6,9 @@
 Such functions take arrays, numbers and named tuples of these. They carry no annotations, which machine code
 would not check: their docstrings give shapes and units. Code on disk is renewed when the file of the compiled
 function changes. So after a change to an inner function of another file, delete `__pycache__` there.
+
+A named tuple is best unpacked at the start of a function that uses its arrays in a loop: every `tuple.array`
+there counts references of its own, which takes time to compile.
 """
 
 import inspect

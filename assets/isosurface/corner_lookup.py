@@ -44,17 +44,12 @@ def offset(x, y, z, axis, along, i, j):
 @inner(forceinline=True)
 def slot_of(lookup, x, y, z):
     """Where the value of a corner lies; -1 where none does."""
-    if min(x, y, z) < 0 or x >= len(lookup.x_code) or y >= len(lookup.y_code) or z >= len(lookup.z_code):
+    x_code, y_code, z_code, opened, _ = lookup
+    if min(x, y, z) < 0 or x >= len(x_code) or y >= len(y_code) or z >= len(z_code):
         return -1
-    code = lookup.x_code[x] + lookup.y_code[y] + lookup.z_code[z]
-    brick = lookup.opened[code >> WITHIN_BRICK]
+    code = x_code[x] + y_code[y] + z_code[z]
+    brick = opened[code >> WITHIN_BRICK]
     return -1 if brick == 0 else (brick - 1 << WITHIN_BRICK) + (code & LAST_CORNER)
-
-
-@inner(forceinline=True)
-def value_at(lookup, x, y, z):
-    """The field at a corner that has been asked."""
-    return lookup.values[slot_of(lookup, x, y, z)]
 
 
 @inner(forceinline=True)
@@ -70,7 +65,8 @@ def case_of(lookup, x, y, z, size):
     case = 0
     for corner in range(8):
         i, j, k = corner & 1, corner >> 1 & 1, corner >> 2
-        case |= (value_at(lookup, x + size * i, y + size * j, z + size * k) < 0) << corner
+        slot = slot_of(lookup, x + size * i, y + size * j, z + size * k)
+        case |= (lookup.values[slot] < 0) << corner
     return case
 
 
@@ -80,7 +76,7 @@ def gradient_of(lookup, x, y, z, size):
     dx = dy = dz = 0.0
     for corner in range(8):
         i, j, k = corner & 1, corner >> 1 & 1, corner >> 2
-        value = value_at(lookup, x + size * i, y + size * j, z + size * k)
+        value = lookup.values[slot_of(lookup, x + size * i, y + size * j, z + size * k)]
         dx += value if i else -value
         dy += value if j else -value
         dz += value if k else -value

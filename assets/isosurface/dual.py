@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from assets.isosurface.cell import EDGES, TABLES
-from assets.isosurface.corner_lookup import corner_lookup, gradient_of, number_at, offset, value_at
+from assets.isosurface.corner_lookup import corner_lookup, gradient_of, number_at, offset, slot_of
 from assets.isosurface.grid import CornerValues
 from assets.isosurface.sheets import HALVED, LARGE_EDGES, Cells, Sheets, sheets_of_large, sheets_of_small
 from avatargen.compiled import compiled, inner
@@ -58,7 +58,7 @@ def contour(values: CornerValues, leaves: Leaves) -> Contour:
     large_at[values.slots(large)] = np.arange(1, len(large) + 1)
     large_at[values.slots(leaves.halved)] = HALVED
     cells, lookup = Cells(small, large, small_at, large_at), corner_lookup(values)
-    case, first = sheets_of_small(cells, TABLES.sheet_count, lookup)
+    case, first = sheets_of_small(small, TABLES.sheet_count, lookup)
     of_large, count = sheets_of_large(cells, case, first[-1], lookup, TABLES)
     sheets = Sheets(case, first, TABLES.sheet_of_edge, of_large)
     vertices, gradients, quads = cross_edges(cells, sheets, count, lookup)
@@ -150,8 +150,9 @@ def add_crossing(vertices, crossings, ring, x, y, z, axis, size, lookup):
     """Add where the surface crosses an edge to the sums of the vertices around it; whether the edge leads
     outward."""
     steps = size * (axis == 0), size * (axis == 1), size * (axis == 2)
-    start = value_at(lookup, x, y, z)
-    share = start / (start - value_at(lookup, x + steps[0], y + steps[1], z + steps[2]))
+    start = lookup.values[slot_of(lookup, x, y, z)]
+    end = lookup.values[slot_of(lookup, x + steps[0], y + steps[1], z + steps[2])]
+    share = start / (start - end)
     for quadrant in range(4):
         one = ring[quadrant]
         if one != ring[quadrant - 1]:

@@ -44,9 +44,8 @@ class Sheets(NamedTuple):
 
 
 @compiled
-def sheets_of_small(cells, sheet_count, lookup):
-    """[S] the case of each small cell; [S + 1] its first vertex, and in the end how many there are."""
-    small = cells.small
+def sheets_of_small(small, sheet_count, lookup):
+    """[S] the case of each small cell [S 3]; [S + 1] its first vertex, and in the end how many there are."""
     case, first = np.empty(len(small), np.int64), np.zeros(len(small) + 1, np.int64)
     for cell in range(len(small)):
         x, y, z = small[cell]

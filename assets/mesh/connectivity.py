@@ -43,19 +43,20 @@ def meets_link_condition(mesh, mark, stamp, u, v):
 
     `mark` [V] is working memory, and `stamp` a number that it does not hold.
     """
-    neighbours, edge = 0, mesh.out[u]
+    start, twin, out = mesh
+    neighbours, edge = 0, out[u]
     while True:
-        mark[end_of(mesh.start, edge)] = stamp
+        mark[end_of(start, edge)] = stamp
         neighbours += 1
-        edge = mesh.twin[previous_edge(edge)]
-        if edge == mesh.out[u]:
+        edge = twin[previous_edge(edge)]
+        if edge == out[u]:
             break
-    shared, others, edge = 0, 0, mesh.out[v]
+    shared, others, edge = 0, 0, out[v]
     while True:
-        shared += mark[end_of(mesh.start, edge)] == stamp
+        shared += mark[end_of(start, edge)] == stamp
         others += 1
-        edge = mesh.twin[previous_edge(edge)]
-        if edge == mesh.out[v]:
+        edge = twin[previous_edge(edge)]
+        if edge == out[v]:
             return shared == 2 and max(neighbours, others) > 3
 
 

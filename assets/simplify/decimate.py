@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int32
+from jaxtyping import Bool, Int32
 
 from assets.mesh.connectivity import HalfEdges, end_of, meets_link_condition, previous_edge
 from assets.mesh.quadric import TERMS, best_point, cross, face_quadrics
@@ -64,14 +64,6 @@ class Queue(NamedTuple):
     waits: Bool[np.ndarray, " P"]  # False for pairs that were refused
 
 
-class Mesh(NamedTuple):
-    """What changes while edges collapse."""
-
-    vertices: Float64[np.ndarray, "V 3"]  # metres
-    quadric: Float64[np.ndarray, "V 10"]
-    half_edges: HalfEdges
-
-
 def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None = None) -> Surface:
     """The surface with `target_faces` faces or one more.
 
@@ -100,19 +92,20 @@ def bucket_of(error):
 @inner(forceinline=True)
 def push(queue, number, error):
     """Put a pair into its bucket, which is returned."""
+    first, next_pair, _ = queue
     bucket = bucket_of(error)
-    queue.next_pair[number] = queue.first[bucket]
-    queue.first[bucket] = number
+    next_pair[number] = first[bucket]
+    first[bucket] = number
     return bucket
 
 
 @inner(forceinline=True)
-def shape_penalty(mesh, moved, other, x, y, z, limits):
+def shape_penalty(vertices, half_edges, moved, other, x, y, z, limits):
     """What the error is multiplied by for the shape of the faces at vertex `moved`, if that goes to x, y, z;
     infinite where one turns too far or loses its area. Faces at `other` do not count: the collapse takes
     them.
     """
-    vertices, (start, twin, out) = mesh.vertices, mesh.half_edges
+    start, twin, out = half_edges
     edge, worst = out[moved], 1.0
     while True:
         a, b = end_of(start, edge), start[previous_edge(edge)]
@@ -144,49 +137,50 @@ def shape_penalty(mesh, moved, other, x, y, z, limits):
 @inner
 def number_pairs(half_edges, pairs):
     """Fill in an edge that leaves each vertex, the pair of each directed edge, and an edge of each pair."""
+    (start, twin, out), (pair, edge_of) = half_edges, pairs
     number = 0
-    for edge in range(len(half_edges.start)):
-        half_edges.out[half_edges.start[edge]] = edge
-        if half_edges.twin[edge] > edge:
-            pairs.number[edge] = pairs.number[half_edges.twin[edge]] = number
-            pairs.edge[number] = edge
+    for edge in range(len(start)):
+        out[start[edge]] = edge
+        if twin[edge] > edge:
+            pair[edge] = pair[twin[edge]] = number
+            edge_of[number] = edge
             number += 1
 
 
 @inner(forceinline=True)
 def remove_edge(edge, opposite, half_edges, pairs, alive):
     """Take away an edge's two faces, and give the faces around its end to its start."""
-    start, twin, out = half_edges.start, half_edges.twin, half_edges.out
+    (start, twin, out), (pair, edge_of) = half_edges, pairs
     around, stop = out[end_of(start, edge)], out[end_of(start, edge)]
     while True:
         start[around] = start[edge]
         around = twin[previous_edge(around)]
         if around == stop:
             break
-    pairs.edge[pairs.number[edge]] = -1
+    edge_of[pair[edge]] = -1
     for gone in (edge, opposite):
         a, b = twin[gone - 2 if gone % 3 == 2 else gone + 1], twin[previous_edge(gone)]
-        pairs.edge[pairs.number[b]] = -1
-        pairs.number[b] = pairs.number[a]
-        pairs.edge[pairs.number[a]] = a
+        edge_of[pair[b]] = -1
+        pair[b] = pair[a]
+        edge_of[pair[a]] = a
         twin[a], twin[b] = b, a
         out[start[a]], out[start[b]] = a, b
         alive[gone // 3] = False
 
 
 @inner(forceinline=True)
-def requeue_around(u, mesh, pairs, queue, middle):
+def requeue_around(u, vertices, quadric, half_edges, pairs, queue, middle):
     """Let the edges at vertex u that were refused wait again; returns the lowest of their buckets."""
-    half_edges = mesh.half_edges
-    lowest, around = BUCKETS, half_edges.out[u]
+    start, twin, out = half_edges
+    lowest, around = BUCKETS, out[u]
     while True:
         number = pairs.number[around]
         if not queue.waits[number]:
-            error = best_point(mesh.quadric, mesh.vertices, u, end_of(half_edges.start, around), middle)[3]
+            error = best_point(quadric, vertices, u, end_of(start, around), middle)[3]
             lowest = min(lowest, push(queue, number, error))
             queue.waits[number] = True
-        around = half_edges.twin[previous_edge(around)]
-        if around == half_edges.out[u]:
+        around = twin[previous_edge(around)]
+        if around == out[u]:
             return lowest
 
 
@@ -198,23 +192,24 @@ def collapse_edges(vertices, quadric, faces, twin, target, limits):
     """
     start = faces.astype(np.int32).ravel()
     half_edges = HalfEdges(start, twin, np.zeros(len(vertices), np.int32))
-    mesh = Mesh(vertices, quadric, half_edges)
     pairs = Pairs(np.empty(len(start), np.int32), np.empty(len(start) // 2, np.int32))
     number_pairs(half_edges, pairs)
-    count = len(pairs.edge)
+    edge_of = pairs.edge
+    count = len(edge_of)
     queue = Queue(np.full(BUCKETS, -1, np.int32), np.empty(count, np.int32), np.ones(count, np.bool_))
+    first, next_pair, waits = queue
     mark, alive = np.zeros(len(vertices), np.int32), np.ones(len(faces), np.bool_)
     for number in range(count):
-        u, v = start[pairs.edge[number]], end_of(start, pairs.edge[number])
+        u, v = start[edge_of[number]], end_of(start, edge_of[number])
         push(queue, number, best_point(quadric, vertices, u, v, limits.middle)[3])
     lowest, tries, left = 0, 0, len(faces)
     while left > target and lowest < BUCKETS:
-        number = queue.first[lowest]
+        number = first[lowest]
         if number < 0:
             lowest += 1
             continue
-        queue.first[lowest] = queue.next_pair[number]
-        edge = pairs.edge[number]
+        first[lowest] = next_pair[number]
+        edge = edge_of[number]
         if edge < 0:
             continue
         u, v = start[edge], end_of(start, edge)
@@ -222,16 +217,16 @@ def collapse_edges(vertices, quadric, faces, twin, target, limits):
         if bucket_of(error) > lowest:  # its ends have grown meanwhile, which never makes the error less
             push(queue, number, error)
             continue
-        queue.waits[number] = False
+        waits[number] = False
         tries += 1
         if not meets_link_condition(half_edges, mark, tries, u, v):
             continue
-        penalty = shape_penalty(mesh, u, v, x, y, z, limits)
-        penalty = max(penalty, shape_penalty(mesh, v, u, x, y, z, limits))
+        penalty = shape_penalty(vertices, half_edges, u, v, x, y, z, limits)
+        penalty = max(penalty, shape_penalty(vertices, half_edges, v, u, x, y, z, limits))
         if penalty == np.inf:
             continue
         if bucket_of(error * penalty) > lowest:
-            queue.waits[number] = True
+            waits[number] = True
             push(queue, number, error * penalty)
             continue
         remove_edge(edge, np.int32(twin[edge]), half_edges, pairs, alive)
@@ -239,7 +234,7 @@ def collapse_edges(vertices, quadric, faces, twin, target, limits):
         vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
         for term in range(TERMS):
             quadric[u, term] += quadric[v, term]
-        lowest = min(lowest, requeue_around(u, mesh, pairs, queue, limits.middle))
+        lowest = min(lowest, requeue_around(u, vertices, quadric, half_edges, pairs, queue, limits.middle))
     return faces_left(start, alive, left)
 
 
