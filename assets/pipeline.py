@@ -98,7 +98,7 @@ def rig(
             joint_names=body.joint_names,
             parents=body.parents,
             T_world_joint=shape.rest.T_world_joint,
-            turns=shape.rest.turns,
+            rest_rotations=shape.rest.rest_rotations,
         ),
         morphs=make_morphs(avatar, shape, atlas, config) if config.morphs else (),
     )

@@ -17,10 +17,10 @@ from assets.build_config import AvatarFields, BuildConfig
 from assets.clock import Clock
 from assets.isosurface.adaptive import trace_adaptively
 from assets.isosurface.extract import ExtractConfig, Extraction, trace, trace_whole
-from assets.mesh.clean import Cleaning, tidy
+from assets.mesh.clean import Cleaning, clean
 from assets.mesh.measure import SurfaceError, missed_error, surface_error
 from assets.mesh.surface import Surface
-from assets.simplify.reduce import reduce, settle
+from assets.simplify.reduce import reduce, refit
 from assets.skin.attach import Attachment, attach
 from assets.skin.rest import RestMesh, to_rest
 from assets.skin.skin import Skin, SkinConfig, parts_of_faces, skin_attached
@@ -59,7 +59,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
         with clock("extract"):
             extraction = find_surface(avatar, config.resolution, config.faces)
         with clock("clean"):
-            cleaning = tidy(extraction.surface)
+            cleaning = clean(extraction.surface)
         surface, charts, atlas = cleaning.surface, None, None
         if config.faces is not None:
             with clock("simplify"):
@@ -69,7 +69,7 @@ def make_shape(avatar: AvatarFields, config: BuildConfig, clock: Clock) -> Shape
             charts = beside.submit(cut_charts, surface, body, config, program)
         if config.faces is not None:
             with clock("fit"):
-                surface = settle(surface, avatar.sdf)
+                surface = refit(surface, avatar.sdf)
         with clock("skin"):
             attachment = attach(surface, body)
             skin = skin_attached(attachment, body, SkinConfig())

@@ -16,7 +16,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 from avatargen import __version__
-from avatargen.body.distance import BodyDistance, near_order
+from avatargen.body.distance import BodyDistance
 from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
 from avatargen.body.model import Body, CanonicalBody, canonical_body
@@ -29,6 +29,7 @@ from avatargen.generator.gathering import Gathering, gathering_of
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.person_field import PersonField
 from avatargen.generator.planes import plane_table
+from avatargen.mesh.morton import morton_order
 from avatargen.shipped import shipped
 from avatargen.threads import spread
 
@@ -105,7 +106,7 @@ class Avatar:
         """
         if not np.isfinite(given).all():
             raise FieldError("avatar: points hold NaN or infinity; ask at finite points")
-        order = near_order(given)
+        order = morton_order(given)
 
         def answer(index: np.ndarray) -> np.ndarray:
             return field(given[index])

@@ -24,14 +24,14 @@ def spread(work: Callable[[Piece], Result], pieces: Sequence[Piece]) -> list[Res
 
 @functools.cache
 def workers(count: int) -> ThreadPoolExecutor:
-    """Threads in which torch has one, kept: it takes longer to settle in a new one than small work takes."""
+    """Threads in which torch has one, kept: a new one takes longer to start than small work takes."""
     pool, met = ThreadPoolExecutor(count), threading.Barrier(count)
-    list(pool.map(lambda _: settle(met), range(count)))
+    list(pool.map(lambda _: limit_torch(met), range(count)))
     torch.set_num_threads(count)  # what they set is also what other threads to come begin with
     return pool
 
 
-def settle(met: threading.Barrier) -> None:
+def limit_torch(met: threading.Barrier) -> None:
     """Give torch one thread in this one, and wait for the others."""
     torch.set_num_threads(1)
     torch.get_num_threads()  # a thread takes over what was set last when it first asks

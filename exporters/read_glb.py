@@ -17,7 +17,7 @@ from jaxtyping import Float32, Int64, UInt8
 from PIL import Image, UnidentifiedImageError
 
 from assets.asset.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
-from assets.asset.posed import world_turns
+from assets.asset.posed import world_rotations
 from assets.asset.rig import Skeleton
 from assets.texture.normal_map import NormalMap
 from avatargen.body.pose import named_pose
@@ -217,7 +217,7 @@ def read_skeleton(document: Document, skin: Any, rest: str) -> tuple[Skeleton, I
         joint_names=names,
         parents=parents,
         T_world_joint=np.linalg.inv(T_joint_world),
-        turns=world_turns(named_pose(rest, names), parents),
+        rest_rotations=world_rotations(named_pose(rest, names), parents),
     )
     return skeleton, np.argsort(sequence).astype(np.int64)
 

@@ -77,9 +77,9 @@ def human_bones(joint_names: tuple[str, ...]) -> dict[str, int]:
 
 def require_t_pose(skeleton: Skeleton, bones: dict[str, int]) -> None:
     """Raises InputError where a bone rests turned against the T-pose."""
-    if skeleton.turns is None:
+    if skeleton.rest_rotations is None:
         return
-    cosine = (np.trace(skeleton.turns[list(bones.values())], axis1=1, axis2=2) - 1) / 2
+    cosine = (np.trace(skeleton.rest_rotations[list(bones.values())], axis1=1, axis2=2) - 1) / 2
     worst = float(np.arccos(np.clip(cosine, -1, 1)).max())
     if worst > LARGEST_TURN:
         raise InputError(

@@ -71,5 +71,5 @@ def skeleton_at(rotations: np.ndarray, turned: bool = False) -> Skeleton:
         joint_names=body.joint_names,
         parents=body.parents,
         T_world_joint=T_world_joint,
-        turns=rest.T_world_joint[:, :3, :3],
+        rest_rotations=rest.T_world_joint[:, :3, :3],
     )

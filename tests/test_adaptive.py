@@ -8,7 +8,7 @@ from assets.isosurface.adaptive import LARGE, bends, crossed_twice, refine, trac
 from assets.isosurface.extract import ExtractConfig, trace
 from assets.isosurface.follow import find_start, follow_surface
 from assets.isosurface.grid import CornerValues, make_grid
-from assets.mesh.clean import tidy
+from assets.mesh.clean import clean
 from assets.mesh.surface import find_defects, label_components, volume
 
 MANY, FEW = 10**9, 1  # faces to be left: all cells are halved, or none that need not be
@@ -75,7 +75,7 @@ def test_a_sheet_thinner_than_a_large_cell_stays_whole(thickness):
     sdf = union(plate(thickness), sphere(0.2))
     found = trace_adaptively(lambda p: sdf(p - 0.003), BOX, config, FEW).surface
     wanted = trace(lambda p: sdf(p - 0.003), BOX, config).surface
-    assert volume(tidy(found).surface) == pytest.approx(volume(tidy(wanted).surface), rel=0.05)
+    assert volume(clean(found).surface) == pytest.approx(volume(clean(wanted).surface), rel=0.05)
     assert np.ptp(found.vertices, axis=0) == pytest.approx(np.ptp(wanted.vertices, axis=0), abs=0.02)
 
 
@@ -120,7 +120,7 @@ def test_random_noise_is_closed_once_tidied():
         return torch.maximum((torch.sin(points @ directions + phases).sum(dim=1) * 0.01), walls.double())
 
     found = trace_adaptively(noise, BOX, ExtractConfig(resolution=48, coarsest=48), 1000)
-    assert not find_defects(tidy(found.surface).surface)
+    assert not find_defects(clean(found.surface).surface)
 
 
 @pytest.mark.parametrize("resolution", [4, 5, 33, 77])

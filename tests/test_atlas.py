@@ -94,13 +94,13 @@ def with_a_sliver(surface):
 def test_a_face_that_xatlas_leaves_out_leaves_no_vertices_behind(monkeypatch):
     surface = with_a_sliver(icosphere(rounds=3))
     before = []
-    adopt = atlas_stage.adopt
+    add_left_out = atlas_stage.add_left_out
 
     def watched(surface, atlas, largest):
         before.append(atlas)
-        return adopt(surface, atlas, largest)
+        return add_left_out(surface, atlas, largest)
 
-    monkeypatch.setattr(atlas_stage, "adopt", watched)
+    monkeypatch.setattr(atlas_stage, "add_left_out", watched)
     atlas = unwrap(surface, parts_of(surface))
     assert np.flatnonzero(uv_areas(before[0]) == 0).tolist() == [len(surface.faces) - 1]
     assert len(atlas.uv) == len(before[0].uv) - 3 + 1  # its three are dropped, its tip is new

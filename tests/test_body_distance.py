@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from avatargen.body.closest import ClosestPoints
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import canonical_body
 from avatargen.errors import FieldError, InputError
+from avatargen.mesh.closest import ClosestPoints
 from tests.bodies import capsule_body
 
 MESHES = {

@@ -45,7 +45,7 @@ def body_asset(fingers: bool = True, rest: str = "a") -> Asset:
             joint_names=body.joint_names,
             parents=body.parents,
             T_world_joint=T_world_joint,
-            turns=posed.T_world_joint[:, :3, :3],
+            rest_rotations=posed.T_world_joint[:, :3, :3],
         ),
         welded=np.arange(W),
     )

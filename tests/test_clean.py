@@ -4,8 +4,8 @@ from shapes import BOX, icosphere, join, sphere, union
 
 from assets.errors import GeometryError
 from assets.isosurface.extract import ExtractConfig, extract
-from assets.mesh.clean import clean, tidy
-from assets.mesh.mend import mend
+from assets.mesh.clean import clean
+from assets.mesh.repair import repair
 from assets.mesh.surface import Surface, find_defects, volume
 
 
@@ -19,7 +19,7 @@ def shifted(surface, offset):
 
 def test_largest_of_two_spheres_is_kept():
     both = extract(union(sphere(0.4), sphere(0.1, (0.7, 0, 0))), BOX, ExtractConfig(resolution=64))
-    result = tidy(both)
+    result = clean(both)
 
     assert result.dropped_components == 1
     assert result.repaired == ""
@@ -29,19 +29,19 @@ def test_largest_of_two_spheres_is_kept():
 
 def test_inner_shell_is_dropped():
     inner = icosphere(0.5)
-    result = tidy(join(icosphere(1.0), with_faces(inner, inner.faces[:, ::-1])))
+    result = clean(join(icosphere(1.0), with_faces(inner, inner.faces[:, ::-1])))
     assert result.dropped_components == 1
     assert volume(result.surface) == pytest.approx(4 / 3 * np.pi, rel=0.02)
 
 
 def test_a_sound_surface_is_untouched():
     ball = icosphere()
-    assert clean(ball) is ball
+    assert clean(ball).surface is ball
 
 
 def test_inward_faces_are_turned():
     ball = icosphere()
-    assert volume(clean(with_faces(ball, ball.faces[:, ::-1]))) > 0
+    assert volume(clean(with_faces(ball, ball.faces[:, ::-1])).surface) > 0
 
 
 @pytest.mark.parametrize("flaw", ["hole", "duplicate", "sliver", "fin", "flipped", "pinch", "loose vertex"])
@@ -72,7 +72,7 @@ def test_flaws_are_repaired(flaw):
     flawed = Surface(vertices=vertices, faces=faces.astype(np.int64))
     assert find_defects(flawed)
 
-    cleaned = clean(flawed)
+    cleaned = clean(flawed).surface
 
     assert not find_defects(cleaned)
     assert volume(cleaned) == pytest.approx(4 / 3 * np.pi, rel=0.02)
@@ -87,7 +87,7 @@ def test_mending_closes_any_soup(seed):
     faces = np.where(twisted[:, None], faces[:, ::-1], faces)
     crossing = rng.integers(0, len(ball.vertices), (20, 3))
     doubled = faces[rng.integers(0, len(faces), 10)]
-    defects = find_defects(mend(with_faces(ball, np.concatenate([faces, crossing, doubled]))))
+    defects = find_defects(repair(with_faces(ball, np.concatenate([faces, crossing, doubled]))))
     assert (defects.bad_edges, defects.bad_vertices) == (0, 0)
 
 

@@ -168,13 +168,13 @@ def test_calm_clips_stay_within_limits(clip: str, name: str) -> None:
 def test_range_test_reaches_both_ends_of_every_range_one_after_another() -> None:
     person = body_figure("default")
     motion = make_clip("range", person, fps=40.0)
-    rows = [row for row in RANGES if {joint for joint, _ in row.turns} <= set(person.joint_names)]
+    rows = [row for row in RANGES if {joint for joint, _ in row.axes} <= set(person.joint_names)]
     assert len(rows) == len(RANGES) - 1  # all but the row of a hand without fingers
     assert motion.seconds == len(rows)
     for index, row in enumerate(rows):
         second = (motion.times >= index) & (motion.times <= index + 1)
-        moved = {joint for joint, _ in row.turns}
-        for joint, axis in row.turns:
+        moved = {joint for joint, _ in row.axes}
+        for joint, axis in row.axes:
             turns = motion.rotations[second, motion.joint_names.index(joint)]
             long = float(np.linalg.norm(axis))
             vectors = np.degrees(Rotation.from_quat(turns).as_rotvec())

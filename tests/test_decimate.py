@@ -5,8 +5,9 @@ from shapes import BOX, PERSON_BOX, box, icosphere, join, person, sphere, torus,
 from assets.isosurface.adaptive import trace_adaptively
 from assets.isosurface.extract import ExtractConfig, extract
 from assets.mesh.measure import surface_error
+from assets.mesh.quadric import best_point, face_quadrics
 from assets.mesh.surface import Surface, find_defects, smallest_angles, volume
-from assets.simplify.decimate import best_point, decimate, quadrics
+from assets.simplify.decimate import decimate
 from assets.simplify.simplify import collapse_carefully
 
 
@@ -64,7 +65,7 @@ def test_sharp_edges_stay():
 
 def test_a_quadric_is_the_area_times_the_squared_distance():
     surface = icosphere(rounds=1)
-    quadric = quadrics(surface.vertices, surface.faces)
+    quadric = face_quadrics(surface.vertices, surface.faces)
     corners = surface.vertices[surface.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1) / 2

@@ -3,10 +3,12 @@ import pytest
 import torch
 from shapes import BOX, sphere
 
-from assets.isosurface.dual import EDGES, SHEET_OF_EDGE, SHEETS, Leaves, contour, edge_between
+from assets.isosurface.cell import EDGES, TABLES, edge_between
+from assets.isosurface.dual import Leaves, contour
 from assets.isosurface.grid import CORNERS, CornerValues, make_grid
 from assets.mesh.surface import Surface, directed_edges, find_defects, volume
 
+SHEETS, SHEET_OF_EDGE = TABLES.sheet_count, TABLES.sheet_of_edge
 PAIRS = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
 
 
@@ -104,7 +106,7 @@ def test_two_sizes_of_cells_close_without_cracks(share):
         4 if share < 1 else 1
     )
     outward = surface.vertices / np.linalg.norm(surface.vertices, axis=1, keepdims=True)
-    assert found.slopes / grid.cell_size == pytest.approx(outward, abs=0.1)
+    assert found.gradients / grid.cell_size == pytest.approx(outward, abs=0.1)
 
 
 def test_corners_of_the_grid_are_those_of_the_cells():

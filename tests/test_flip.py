@@ -72,6 +72,6 @@ def test_what_a_diagonal_is():
     row = np.flatnonzero((np.sort(found.ends[:, :2], axis=1) == [6, 7]).all(axis=1))[0]
 
     assert set(found.ends[row, 2:].tolist()) == {4, 5}
-    assert found.rise[row] == pytest.approx(-0.5)  # the middle of the wrong diagonal lies so far inside
+    assert found.height[row] == pytest.approx(-0.5)  # the middle of the wrong diagonal lies so far inside
     assert found.area[row] == pytest.approx(5**0.5)
     assert found.angle[row] == pytest.approx(np.degrees(np.arccos(2 / 3)))

@@ -7,7 +7,8 @@ import pytest
 from shapes import icosphere, sphere
 
 from assets.asset.asset import PlainAsset, TexturedAsset
-from assets.asset.levels import at_level, level_error, signed_areas, with_levels
+from assets.asset.level_mesh import signed_areas
+from assets.asset.levels import at_level, level_error, with_levels
 from assets.errors import GeometryError
 from assets.mesh.measure import points_on, sample_surface
 from assets.mesh.surface import Surface, compact, find_defects, opposite_edges, volume

@@ -12,7 +12,7 @@ from assets.mesh.measure import sample_surface
 from assets.mesh.surface import Surface, vertex_normals
 from assets.skin.rest import RestMesh
 from assets.texture.atlas import Atlas, AtlasConfig, unwrap
-from assets.texture.bake import BakeConfig, lay_texels
+from assets.texture.bake import BakeConfig, map_texels
 from assets.texture.normal_map import NormalMap, bake_normals
 from avatargen.errors import FieldError
 
@@ -39,7 +39,9 @@ def at_rest(surface: Surface, matrix=None) -> RestMesh:
     vertices = surface.vertices @ (np.eye(3) if matrix is None else matrix).T
     normals = vertex_normals(Surface(vertices=vertices, faces=surface.faces))
     frames = np.eye(4)[None]
-    return RestMesh(vertices=vertices, normals=normals, T_world_joint=frames, turns=frames[:, :3, :3])
+    return RestMesh(
+        vertices=vertices, normals=normals, T_world_joint=frames, rest_rotations=frames[:, :3, :3]
+    )
 
 
 def charts(surface: Surface) -> Atlas:
@@ -82,14 +84,14 @@ def test_every_texel_is_its_own_inverse():
     rest, atlas = at_rest(surface), charts(surface)
     field = lambda points: points @ torch.tensor([0.6, 0.48, 0.64])  # noqa: E731
     found = bake_normals(surface, rest, atlas, field, CONFIG)
-    laid = lay_texels(atlas, SIZE)
-    face, barycentric = laid.face[laid.asked], laid.barycentric(laid.asked)
+    texel_map = map_texels(atlas, SIZE)
+    face, barycentric = texel_map.face[texel_map.asked], texel_map.barycentric(texel_map.asked)
     corners, split = surface.faces[face], atlas.faces[face]
     unit = lambda rows: rows / np.linalg.norm(rows, axis=1, keepdims=True)  # noqa: E731
     n = unit(np.einsum("nc,ncd->nd", barycentric, rest.normals[corners]))
     t = unit(np.einsum("nc,ncd->nd", barycentric, found.tangents[split, :3].astype(np.float64)))
     b = unit(np.cross(n, t)) * found.tangents[split[:, 0], 3:]
-    x, y, z = (found.texels.reshape(-1, 3)[laid.asked] / 127.5 - 1).T[..., None]
+    x, y, z = (found.texels.reshape(-1, 3)[texel_map.asked] / 127.5 - 1).T[..., None]
     off = degrees(unit(x * t + y * b + z * n), np.array([[0.6, 0.48, 0.64]]))
     towards = (n @ [0.6, 0.48, 0.64]) > 0.2
     assert towards.mean() > 0.3

@@ -14,7 +14,7 @@ from assets.errors import GeometryError
 from assets.mesh.surface import Surface
 from assets.picture.paint import painted
 from assets.texture.atlas import Atlas, AtlasConfig, unwrap
-from assets.texture.bake import BakeConfig, lay_texels
+from assets.texture.bake import BakeConfig, map_texels
 from assets.texture.occlusion import HEIGHTS, STRENGTH, bake_occlusion, distance_to, openness
 from avatargen.errors import FieldError, InputError
 from exporters import encode, export, find_format
@@ -70,12 +70,12 @@ def test_texels_have_the_openness_of_their_own_places() -> None:
     surface, wall = icosphere(RADIUS, rounds=5), RADIUS + 0.03
     atlas = charts(surface)
     found = bake_occlusion(surface, atlas, union(sphere(RADIUS), lambda p: wall - p[:, 0]), CONFIG)
-    laid = lay_texels(atlas, SIZE)
-    places = laid.points(surface, laid.asked, np.zeros(2))
+    texel_map = map_texels(atlas, SIZE)
+    places = texel_map.points(surface, texel_map.asked, np.zeros(2))
     outward = places / np.linalg.norm(places, axis=1, keepdims=True)
     to_wall = wall - (places[:, :1] + H * outward[:, :1])
     by_hand = 255 * darkened(np.minimum(H, to_wall))
-    off = np.abs(found.reshape(-1)[laid.asked] - by_hand)
+    off = np.abs(found.reshape(-1)[texel_map.asked] - by_hand)
     assert by_hand.min() < 130
     assert off.max() < 4
 

@@ -76,6 +76,32 @@ def test_imports_point_one_way(package: str) -> None:
             assert not [module for module in modules if module.startswith(LEARNED)], path
 
 
+def test_mesh_tools_know_nothing_of_people() -> None:
+    for path in files_of("avatargen/mesh"):
+        ours = {module for module in imports_of(path) if module.split(".")[0] in PACKAGES}
+        assert ours <= {"avatargen.compiled"}, path
+
+
+def test_compiled_functions_are_marked_and_explained() -> None:
+    """By a decorator and a docstring: annotations would not be checked in machine code."""
+    marked = 0
+    for path in files_of("avatargen", "assets", "exporters"):
+        tree = ast.parse(path.read_text())
+        for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+            names = {getattr(getattr(mark, "func", mark), "id", "") for mark in function.decorator_list}
+            if names & {"compiled", "inner"}:
+                marked += 1
+                assert ast.get_docstring(function), f"{path}: {function.name}"
+                assert not any(each.annotation for each in function.args.args), f"{path}: {function.name}"
+        calls = {
+            node.value.func
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+        }
+        assert not [call for call in calls if getattr(call, "id", "") in ("compiled", "inner")], path
+    assert marked > 50
+
+
 def test_every_import_is_declared_and_every_dependency_used() -> None:
     run_time = third_party(files_of(*PACKAGES))
     extras = ("derive", "train", "bench", "view", "film", "ray")

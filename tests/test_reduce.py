@@ -6,7 +6,7 @@ from assets.isosurface.adaptive import trace_adaptively
 from assets.isosurface.extract import ExtractConfig, extract
 from assets.mesh.measure import surface_error
 from assets.mesh.surface import find_defects, smallest_angles
-from assets.simplify.reduce import reduce, settle
+from assets.simplify.reduce import reduce, refit
 from assets.simplify.simplify import SimplifyConfig, simplify
 
 
@@ -18,16 +18,16 @@ def test_a_reduced_surface_lies_nearer_to_the_field_than_a_simplified_one(sdf, b
     dense = trace_adaptively(sdf, box, ExtractConfig(resolution=128), faces).surface
     simple = simplify(dense, SimplifyConfig(target_faces=faces))
     turned = reduce(dense, sdf, faces)
-    settled = settle(turned, sdf)
+    refitted = refit(turned, sdf)
 
     assert 0.97 * faces <= len(turned.faces) <= faces
-    assert np.array_equal(settled.faces, turned.faces)
-    error = surface_error(settled, sdf)
+    assert np.array_equal(refitted.faces, turned.faces)
+    error = surface_error(refitted, sdf)
     assert error.mean_mm < share * surface_error(simple, sdf).mean_mm
     assert error.mean_mm < surface_error(turned, sdf).mean_mm
-    for surface in (turned, settled):
+    for surface in (turned, refitted):
         assert not find_defects(surface)
-    assert (smallest_angles(settled) < 5).mean() <= thin  # needles are nearest to straight limbs
+    assert (smallest_angles(refitted) < 5).mean() <= thin  # needles are nearest to straight limbs
 
 
 def test_a_surface_with_few_faces_keeps_them():

@@ -44,7 +44,7 @@ def skirted():
         return torch.minimum(near - 0.005, torch.maximum(torch.maximum(flat, below), above_hem))
 
     bounds = np.stack([body.vertices.min(axis=0), body.vertices.max(axis=0)]) + np.array([[-0.4], [0.4]])
-    return clean(extract(sdf, bounds, ExtractConfig(resolution=100)))
+    return clean(extract(sdf, bounds, ExtractConfig(resolution=100))).surface
 
 
 def test_on_the_body_itself_weights_are_the_bodys():

@@ -147,8 +147,8 @@ def turned(asset: Asset, degrees: float) -> Asset:
         [np.sin(np.radians(degrees)), np.cos(np.radians(degrees))],
     ]
     joints, parents = asset.skeleton.joints.copy(), asset.skeleton.parents
-    turns = forward_kinematics(joints, angles, parents)[:, :3, :3]
-    return replace(asset, skeleton=replace(asset.skeleton, turns=turns))
+    rotations = forward_kinematics(joints, angles, parents)[:, :3, :3]
+    return replace(asset, skeleton=replace(asset.skeleton, rest_rotations=rotations))
 
 
 def test_what_vrm_cannot_hold_is_refused(tmp_path: Path) -> None:

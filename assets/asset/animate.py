@@ -63,11 +63,11 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         )
     for joint, source in shared:
         turned[:, joint] = Rotation.from_quat(motion.rotations[:, source]).as_matrix()
-    rest, turns = skeleton.T_world_joint[:, :3, :3], turns_of(skeleton)
+    frames, rest = skeleton.T_world_joint[:, :3, :3], rest_rotations_of(skeleton)
     above = np.where(skeleton.parents >= 0, skeleton.parents, 0)
     root = (skeleton.parents < 0)[:, None, None]
-    before = np.where(root, np.eye(3), rest.transpose(0, 2, 1)[above] @ turns[above])
-    local = before @ turned @ (turns.transpose(0, 2, 1) @ rest)
+    before = np.where(root, np.eye(3), frames.transpose(0, 2, 1)[above] @ rest[above])
+    local = before @ turned @ (rest.transpose(0, 2, 1) @ frames)
     quaternions = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_quat().reshape(*local.shape[:2], 4)
     return Animation(
         name=motion.name,
@@ -81,24 +81,26 @@ def zero_rotations(frames: int, joints: int) -> Float64[np.ndarray, "T J 3 3"]:
     return np.tile(np.eye(3), (frames, joints, 1, 1))
 
 
-def turns_of(skeleton: Skeleton) -> Float64[np.ndarray, "J 3 3"]:
+def rest_rotations_of(skeleton: Skeleton) -> Float64[np.ndarray, "J 3 3"]:
     """World rotations of the joints from the T-pose to the rest pose."""
-    return np.tile(np.eye(3), (len(skeleton.parents), 1, 1)) if skeleton.turns is None else skeleton.turns
+    if skeleton.rest_rotations is not None:
+        return skeleton.rest_rotations
+    return np.tile(np.eye(3), (len(skeleton.parents), 1, 1))
 
 
 def figure_of(asset: Asset) -> Figure:
     """The asset's person in the T-pose, the pelvis where it is at rest."""
     skeleton = asset.skeleton
-    turns, joints = turns_of(skeleton), skeleton.joints.copy()
+    rest, joints = rest_rotations_of(skeleton), skeleton.joints.copy()
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
             along = skeleton.joints[joint] - skeleton.joints[parent]
-            joints[joint] = joints[parent] + turns[parent].T @ along
+            joints[joint] = joints[parent] + rest[parent].T @ along
     still = Motion(
         name="T-pose",
         joint_names=skeleton.joint_names,
         times=np.zeros(1),
-        rotations=np.tile([0.0, 0.0, 0.0, 1.0], (1, len(turns), 1)),
+        rotations=np.tile([0.0, 0.0, 0.0, 1.0], (1, len(rest), 1)),
         translation=np.zeros((1, 3)),
     )
     ground = lowest(asset, animation_of(skeleton, still))

@@ -94,14 +94,14 @@ def add_ends(asset: Asset) -> Asset:
     last = np.setdiff1d(np.arange(J), skeleton.parents)
     T_world_end = skeleton.T_world_joint[last].copy()
     T_world_end[:, :3, 3] = bone_tails(asset)[last]
-    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(last), 1))
+    still, turned = np.tile([0.0, 0.0, 0.0, 1.0], (len(last), 1)), skeleton.rest_rotations
     return replace(
         asset,
         skeleton=Skeleton(
             joint_names=(*skeleton.joint_names, *(f"{skeleton.joint_names[j]}_end" for j in last)),
             parents=np.concatenate([skeleton.parents, last]),
             T_world_joint=np.concatenate([skeleton.T_world_joint, T_world_end]),
-            turns=None if skeleton.turns is None else np.concatenate([skeleton.turns, skeleton.turns[last]]),
+            rest_rotations=None if turned is None else np.concatenate([turned, turned[last]]),
         ),
         animations=tuple(
             replace(a, rotations=np.concatenate([a.rotations, np.tile(still, (len(a.times), 1, 1))], axis=1))

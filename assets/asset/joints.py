@@ -43,7 +43,7 @@ def drop_idle_joints(asset: Asset) -> Asset:
             joint_names=tuple(name for name, keep in zip(skeleton.joint_names, moving, strict=True) if keep),
             parents=np.where(parents < 0, -1, place[parents]),
             T_world_joint=skeleton.T_world_joint[moving],
-            turns=None if skeleton.turns is None else skeleton.turns[moving],
+            rest_rotations=None if skeleton.rest_rotations is None else skeleton.rest_rotations[moving],
         ),
         animations=tuple(
             dataclasses.replace(animation, rotations=animation.rotations[:, moving])

@@ -1,6 +1,6 @@
 """An asset in another pose: its mesh skinned with its own weights, its skeleton moved along.
 
-Turns are rotations in world axes, so they do not depend on how the skeleton's own joint axes are laid.
+Rotations are in world axes, so they do not depend on how the skeleton's own joint axes are laid.
 Letters: W vertices, J joints.
 """
 
@@ -15,15 +15,15 @@ from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.errors import InputError
 
 
-def world_turns(
+def world_rotations(
     rotations: Float[np.ndarray, "J 3"], parents: Int64[np.ndarray, " J"]
 ) -> Float64[np.ndarray, "J 3 3"]:
     """World rotations of the joints for axis-angle rotations against each one's parent, as in SMPL."""
-    turns = axis_angle_to_matrix(rotations)
+    world = axis_angle_to_matrix(rotations)
     for joint, parent in enumerate(parents):
         if parent >= 0:
-            turns[joint] = turns[parent] @ turns[joint]
-    return turns
+            world[joint] = world[parent] @ world[joint]
+    return world
 
 
 def posed(asset: Asset, rotations: Float[np.ndarray, "J 3"], on_ground: bool = True) -> Asset:
@@ -38,17 +38,18 @@ def posed(asset: Asset, rotations: Float[np.ndarray, "J 3"], on_ground: bool = T
     skeleton, count = asset.skeleton, len(asset.skeleton.parents)
     if rotations.shape != (count, 3) or not np.isfinite(rotations).all():
         raise InputError(f"pose: rotations have shape {rotations.shape}; finite [{count}, 3] are needed")
-    from_t = world_turns(rotations, skeleton.parents)
-    turns = from_t if skeleton.turns is None else from_t @ skeleton.turns.transpose(0, 2, 1)
+    from_t = from_rest = world_rotations(rotations, skeleton.parents)
+    if skeleton.rest_rotations is not None:
+        from_rest = from_t @ skeleton.rest_rotations.transpose(0, 2, 1)
     places = skeleton.joints.copy()
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
-            places[joint] = places[parent] + turns[parent] @ (
+            places[joint] = places[parent] + from_rest[parent] @ (
                 skeleton.joints[joint] - skeleton.joints[parent]
             )
     shares = asset.weights.astype(np.float64)
-    blended = np.einsum("wk,wkab->wab", shares, turns[asset.joints])
-    moves = places - np.einsum("jab,jb->ja", turns, skeleton.joints)
+    blended = np.einsum("wk,wkab->wab", shares, from_rest[asset.joints])
+    moves = places - np.einsum("jab,jb->ja", from_rest, skeleton.joints)
     vertices = np.einsum("wab,wb->wa", blended, asset.vertices) + np.einsum(
         "wk,wkd->wd", shares, moves[asset.joints]
     )
@@ -61,7 +62,7 @@ def posed(asset: Asset, rotations: Float[np.ndarray, "J 3"], on_ground: bool = T
         vertices=(vertices + lift).astype(np.float32),
         normals=normals,
         normal_map=asset.normal_map and turned_map(asset.normal_map, blended),
-        skeleton=replace(skeleton, T_world_joint=T_world_joint, turns=from_t),
+        skeleton=replace(skeleton, T_world_joint=T_world_joint, rest_rotations=from_t),
         animations=(),
         morphs=(),
     )

@@ -24,7 +24,7 @@ class Skeleton:
     parents: Int64[np.ndarray, " J"]
     T_world_joint: Float64[np.ndarray, "J 4 4"]
     # rotation, in world axes, that took each joint from the T-pose to the rest pose; None: they are the same
-    turns: Float64[np.ndarray, "J 3 3"] | None = None
+    rest_rotations: Float64[np.ndarray, "J 3 3"] | None = None
 
     def __post_init__(self) -> None:
         if not len(self.joint_names) == len(self.parents) == len(self.T_world_joint):
@@ -36,9 +36,10 @@ class Skeleton:
             raise GeometryError("skeleton: a joint comes before its parent; sort the joints")
         if not np.isfinite(self.T_world_joint).all():
             raise GeometryError("skeleton: transforms hold NaN or infinity; check the pose and the betas")
-        if self.turns is not None and self.turns.shape != (len(self.parents), 3, 3):
+        if self.rest_rotations is not None and self.rest_rotations.shape != (len(self.parents), 3, 3):
             raise GeometryError(
-                f"skeleton: turns have shape {self.turns.shape}; one [3, 3] a joint is needed"
+                f"skeleton: rest rotations have shape {self.rest_rotations.shape}; "
+                "one [3, 3] a joint is needed"
             )
 
     @property

@@ -7,7 +7,7 @@ it bends.
 
 What is simplified afterwards needs no small faces where it is flat: with a twentieth of the faces left, half
 the questions and two fifths of the faces serve nearly as well. A large cell of size s in which the surface
-bends by an angle hides a rise of angle * s / 8, and the error of the N faces left goes with 1 / N, so the
+bends by an angle hides a bump angle * s / 8 high, and the error of the N faces left goes with 1 / N, so the
 angle from which a cell is halved goes with 1 / (N s). Sheets that slip between a large cell's corners are
 found where they leave small cells, and followed; what grows out of a flat part, thinner than a large cell,
 may be overlooked.
@@ -22,8 +22,8 @@ from assets.field import Field, ask
 from assets.isosurface.band import HALVES, ExtractConfig
 from assets.isosurface.dual import Contour, Leaves, contour
 from assets.isosurface.extract import Extraction
-from assets.isosurface.follow import across, find_start, follow_surface
-from assets.isosurface.grid import CORNERS, CellSet, CornerValues, Grid, different, grown, make_grid
+from assets.isosurface.follow import cells_across, find_start, follow_surface
+from assets.isosurface.grid import CORNERS, CellSet, CornerValues, Grid, grown, make_grid, unique_corners
 from assets.mesh.surface import Surface
 
 LARGE = 2  # small cells along a side of a large one
@@ -50,7 +50,7 @@ def trace_adaptively(
     leaves = refine(values, large, bends(values, large, angle))
     found = contour(values, leaves)
     return Extraction(
-        surface=lay(found, grid, sdf),
+        surface=newton_step(found, grid, sdf),
         cell_size=grid.cell_size,
         queries=start.queries + values.queries + len(found.vertices),
         attempts=start.attempts,
@@ -92,7 +92,7 @@ def refine(values: CornerValues, large: Int64[np.ndarray, "C 3"], bent: Bool[np.
         listed.add(frontier)
         found.append(frontier)
         inside = values.ask(values.slots_of_cells(frontier)) < 0
-        reached = across(values.grid, frontier, inside)
+        reached = cells_across(values.grid, frontier, inside)
         parents = reached - reached % LARGE
         unseen = parents[~crossed.has(parents)]
         new = halved.lacking(np.concatenate([unseen, crossed_twice(values, frontier)]))
@@ -118,7 +118,7 @@ def first_halves(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Int64
             middle = values.at(cells[there] + CORNERS[low] + end) < 0
             upper = (middle == inside[there, low])[:, None]
             found.append(cells[there] + np.where(upper, end, CORNERS[low]))
-    return different(values, np.concatenate(found))
+    return unique_corners(values, np.concatenate(found))
 
 
 def mixed_halves(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:
@@ -141,13 +141,13 @@ def crossed_twice(values: CornerValues, small: Int64[np.ndarray, "S 3"]) -> Int6
     return np.concatenate(found)
 
 
-def lay(found: Contour, grid: Grid, sdf: Field) -> Surface:
+def newton_step(found: Contour, grid: Grid, sdf: Field) -> Surface:
     """The contour's vertices one step of Newton's method nearer to the zero level of `sdf`."""
     vertices = grid.points(found.vertices)
-    steepness = np.maximum(np.linalg.norm(found.slopes, axis=1), 1e-300)
+    steepness = np.maximum(np.linalg.norm(found.gradients, axis=1), 1e-300)
     step = ask(sdf, vertices) / steepness  # in small cells
     step = np.clip(step, -LARGEST_STEP, LARGEST_STEP) * grid.cell_size
     return Surface(
-        vertices=vertices - (step / steepness)[:, None] * found.slopes,
+        vertices=vertices - (step / steepness)[:, None] * found.gradients,
         faces=found.faces,
     )

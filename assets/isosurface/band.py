@@ -140,8 +140,8 @@ def estimate_slope(
     nearest = np.argsort(np.abs(value), kind="stable")[: 4 * count]
     chosen = rng.choice(nearest, count, replace=False)
     end = np.where(rng.random((count, 3)) < 0.5, cells[chosen], high[chosen])
-    rise = np.abs(values.at(end) - value[chosen])
-    slope = rise / (np.linalg.norm(end - centre[chosen], axis=1) * values.grid.cell_size)
+    change = np.abs(values.at(end) - value[chosen])
+    slope = change / (np.linalg.norm(end - centre[chosen], axis=1) * values.grid.cell_size)
     return float(np.quantile(slope, config.slope_quantile)) * config.margin
 
 

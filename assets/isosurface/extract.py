@@ -22,7 +22,7 @@ from assets.errors import BoundsError
 from assets.field import Field
 from assets.isosurface.band import ExtractConfig
 from assets.isosurface.follow import find_start, follow_surface
-from assets.isosurface.grid import CornerValues, make_grid, once
+from assets.isosurface.grid import CornerValues, make_grid, unique_below
 from assets.mesh.surface import Surface
 
 ROOM, GROWTHS = 0.05, 3  # metres by which bounds grow where the surface leaves them, and how often
@@ -86,7 +86,7 @@ def march(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Surface:
 
     cells = cells[np.argsort(values.grid.keys(cells))]  # the order of the grid, whatever the search did
     index = values.slots_of_cells(cells)
-    slots = once(index.reshape(-1), len(values.values))
+    slots = unique_below(index.reshape(-1), len(values.values))
     place = np.zeros(len(values.values), dtype=np.int32)
     place[slots] = np.arange(len(slots))
     corners = values.grid.points(values.corners(slots))

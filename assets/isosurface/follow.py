@@ -14,7 +14,7 @@ from jaxtyping import Bool, Int64
 
 from assets.errors import BoundsError, GeometryError
 from assets.isosurface.band import Band, ExtractConfig, find_band
-from assets.isosurface.grid import CORNERS, CellSet, CornerValues, Grid, different
+from assets.isosurface.grid import CORNERS, CellSet, CornerValues, Grid, unique_corners
 
 SIDES = np.array(((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)))
 BIT_OF_CORNER = 1 << np.arange(8)
@@ -61,7 +61,7 @@ def seed_cells(values: CornerValues, band: Band, size: int) -> Int64[np.ndarray,
     found = [np.zeros((0, 3), dtype=np.int64)]
     for axis in range(3):
         low = np.concatenate([band.cells + band.size * offset for offset in QUARTERS[axis]])
-        low = different(values, low[(low <= grid.shape).all(axis=1)])
+        low = unique_corners(values, low[(low <= grid.shape).all(axis=1)])
         high = low.copy()
         high[:, axis] = np.minimum(high[:, axis] + band.size, grid.shape[axis])
         inside = values.at(low) < 0
@@ -73,7 +73,7 @@ def seed_cells(values: CornerValues, band: Band, size: int) -> Int64[np.ndarray,
         raise GeometryError(
             f"extract: the bounds are all {state}, no surface; check the bounds and the field's sign"
         )
-    return different(values, seeds)
+    return unique_corners(values, seeds)
 
 
 def halve(
@@ -108,11 +108,11 @@ def follow_surface(
         listed.add(frontier)
         found.append(frontier)
         inside = values.ask(values.slots_of_cells(frontier, size)) < 0
-        frontier = listed.lacking(across(values.grid, frontier, inside, size))
+        frontier = listed.lacking(cells_across(values.grid, frontier, inside, size))
     return np.concatenate(found)
 
 
-def across(
+def cells_across(
     grid: Grid, cells: Int64[np.ndarray, "C 3"], inside: Bool[np.ndarray, "C 8"], size: int = 1
 ) -> Int64[np.ndarray, "K 3"]:
     """The cells beyond each crossed side of these.

@@ -16,7 +16,7 @@ CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0
 MAX_CORNERS = 1 << 34
 BITS = 2  # of a coordinate, that tell corners of one brick apart
 BRICK = 1 << BITS  # corners along a brick's side
-FEW = 1 / 100  # of the numbers there are
+FEW = 1 / 100  # share of all numbers, under which sorting is faster than marking
 NEVER_ZERO = 1e-5  # of a cell: values closer to zero are moved there, so that no triangle has zero area
 
 
@@ -67,8 +67,9 @@ def grown(array: Shaped[np.ndarray, " M"], size: int) -> Shaped[np.ndarray, " N"
     return longer
 
 
-def once(numbers: Int64[np.ndarray, " N"], below: int) -> Int64[np.ndarray, " K"]:
-    """Each of these numbers once, in order: faster than sorting, unless they are few."""
+def unique_below(numbers: Int64[np.ndarray, " N"], below: int) -> Int64[np.ndarray, " K"]:
+    """Each of these numbers (0 to below - 1) once, in order: like `np.unique`, but by marking them, which is
+    faster unless they are few."""
     if len(numbers) < FEW * below:
         return np.unique(numbers)
     there = np.zeros(below, dtype=bool)
@@ -138,7 +139,7 @@ class CornerValues:
     def ask(self, slots: Int64[np.ndarray, "*N"]) -> Float64[np.ndarray, "*N"]:
         """The field at the corners of these slots, asked where it has not been asked."""
         found = self.values[slots]
-        new = once(slots[found == 0], len(self.values))
+        new = unique_below(slots[found == 0], len(self.values))
         if len(new) == 0:
             return found
         values = ask(self.sdf, self.grid.points(self.corners(new)))
@@ -178,9 +179,9 @@ class CellSet:
 
     def lacking(self, cells: Int64[np.ndarray, "C 3"]) -> Int64[np.ndarray, "K 3"]:
         """Those of these cells that are not in it, each once."""
-        return different(self.values, cells[~self.has(cells)])
+        return unique_corners(self.values, cells[~self.has(cells)])
 
 
-def different(values: CornerValues, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, "K 3"]:
+def unique_corners(values: CornerValues, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, "K 3"]:
     """Each of these corners once."""
-    return values.corners(once(values.slots(corners), len(values.values)))
+    return values.corners(unique_below(values.slots(corners), len(values.values)))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from assets.errors import GeometryError
-from assets.mesh.mend import mend
+from assets.mesh.repair import repair
 from assets.mesh.surface import (
     Surface,
     compact,
@@ -42,22 +42,18 @@ class Cleaning:
     repaired: str  # the defects found in the component that was kept; empty for none
 
 
-def clean(surface: Surface) -> Surface:
-    """The largest component, repaired where needed: one closed, manifold, outward surface.
+def clean(surface: Surface) -> Cleaning:
+    """The largest component, repaired where needed: one closed, manifold, outward surface; and what that
+    took.
 
     Raises:
         GeometryError: nothing to keep, or defects that no repair removes.
     """
-    return tidy(surface).surface
-
-
-def tidy(surface: Surface) -> Cleaning:
-    """`clean` with its report. Raises the same errors."""
     kept, dropped = keep_largest(surface)
     defects = find_defects(kept, components=1)
     if not defects:
         return Cleaning(surface=kept, dropped_components=dropped, repaired="")
-    for method in (mend, repair):
+    for method in (repair, repair_by_pymeshlab):
         repaired, lost = keep_largest(method(kept))
         if not find_defects(repaired):
             break
@@ -88,7 +84,7 @@ def keep_largest(surface: Surface) -> tuple[Surface, int]:
     return compact(surface.vertices, np.ascontiguousarray(faces)), with_faces - 1
 
 
-def repair(surface: Surface) -> Surface:
+def repair_by_pymeshlab(surface: Surface) -> Surface:
     """Merge, remove and split until edges and vertices are manifold, then close small holes.
 
     Raises:
@@ -109,7 +105,7 @@ def repair(surface: Surface) -> Surface:
         raise GeometryError(
             f"clean: pymeshlab cannot repair the surface ({detail}); try another resolution"
         ) from error
-    return mend(from_pymeshlab(meshes))
+    return repair(from_pymeshlab(meshes))
 
 
 def to_pymeshlab(surface: Surface) -> Any:

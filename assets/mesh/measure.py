@@ -61,7 +61,7 @@ def missed_error(mesh: Surface, finer: Surface, config: MeasureConfig | None = N
 
     Of what the mesh has lost, such as the tip of a finger, no sample on the mesh can tell.
     """
-    from avatargen.body.closest import ClosestPoints
+    from avatargen.mesh.closest import ClosestPoints
 
     config = config or MeasureConfig()
     points = points_on(finer, *sample_surface(finer, config.samples, config.seed))

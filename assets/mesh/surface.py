@@ -11,9 +11,8 @@ from jaxtyping import Bool, Float64, Int64
 
 from assets.errors import GeometryError
 
-THIN = 1e-9  # area of a face over the square of its longest edge, at or under which it has none
-
-FLAT = 1e-9  # volume over the cube of the extent, at or under which there is none
+THIN = 1e-9  # area of a face over the square of its longest edge, at or under which it counts as none
+FLAT = 1e-9  # volume of a surface over the cube of its extent, at or under which it counts as none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,9 +126,9 @@ def count_split_vertices(surface: Surface, twin: Int64[np.ndarray, " E"]) -> int
 
 def label_components(surface: Surface) -> tuple[int, Int64[np.ndarray, " V"]]:
     """Number of connected components and the component of each vertex."""
-    from assets.mesh.connectivity import label
+    from assets.mesh.connectivity import label_vertices
 
-    return label(np.ascontiguousarray(surface.faces), len(surface.vertices))
+    return label_vertices(np.ascontiguousarray(surface.faces), len(surface.vertices))
 
 
 def face_normals(surface: Surface) -> Float64[np.ndarray, "F 3"]:

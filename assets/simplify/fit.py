@@ -60,7 +60,8 @@ class Planes:
 
 
 def fit(surface: Surface, sdf: Field, config: FitConfig | None = None) -> Surface:
-    """The same faces on moved vertices, nearer to the zero level of `sdf` in the mean square over the area.
+    """The same faces on moved vertices, nearer to the zero level of `sdf` (metres) in the mean square over
+    the area.
 
     Raises:
         FieldError: the field is NaN or infinite.
@@ -96,7 +97,7 @@ def tangent_planes(surface: Surface, sdf: Field, uneven: float) -> Planes:
     normal = face_normals(surface)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     across = (ask(sdf, points[:, 0] + PROBE * normal) - value[:, 0]) / PROBE
-    along = slopes_along(points, value)
+    along = in_plane_gradients(points, value)
     steep = np.linalg.norm(along, axis=1)
     along *= np.minimum(1.0, STEEPEST * np.abs(across) / np.maximum(steep, 1e-12))[:, None]
     gradient = np.repeat((along + across[:, None] * normal)[:, None], len(PATTERN), axis=1)
@@ -111,15 +112,15 @@ def tangent_planes(surface: Surface, sdf: Field, uneven: float) -> Planes:
     )
 
 
-def slopes_along(
+def in_plane_gradients(
     points: Float64[np.ndarray, "F 3 3"], value: Float64[np.ndarray, "F 3"]
 ) -> Float64[np.ndarray, "F 3"]:
     """The gradient within the plane of each three points; of a line, along it."""
-    sides, rise = points[:, 1:] - points[:, :1], value[:, 1:] - value[:, :1]
+    sides, change = points[:, 1:] - points[:, :1], value[:, 1:] - value[:, :1]
     square = np.einsum("fid,fjd->fij", sides, sides)
     size = np.maximum(np.trace(square, axis1=1, axis2=2), 1e-300)
     square = square / size[:, None, None] + STRAY * np.eye(2)
-    share = np.linalg.solve(square, (rise / size[:, None])[..., None])[..., 0]
+    share = np.linalg.solve(square, (change / size[:, None])[..., None])[..., 0]
     return np.einsum("fi,fid->fd", share, sides)
 
 
@@ -150,11 +151,11 @@ def best_moves(
     held = np.repeat(square.diagonal().reshape(-1, 3).sum(axis=1) * damping, 3) / 3 + 1e-9
     system = (square + diags_array(held)).tobsr((3, 3))
     wanted = -(matrix.T @ (weight * planes.residuals.reshape(-1)))
-    return cg(system, wanted, M=inverse_blocks(system), **SOLVE)[0].reshape(-1, 3)
+    return cg(system, wanted, M=block_jacobi(system), **SOLVE)[0].reshape(-1, 3)
 
 
-def inverse_blocks(system: bsr_array) -> bsr_array:
-    """The inverse of the blocks on the diagonal, which has one for each row of blocks."""
+def block_jacobi(system: bsr_array) -> bsr_array:
+    """The block Jacobi preconditioner: the inverse of each 3 x 3 block on the diagonal."""
     count = len(system.indptr) - 1
     row = np.repeat(np.arange(count), np.diff(system.indptr))
     blocks = np.linalg.inv(system.data[system.indices == row])

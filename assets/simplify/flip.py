@@ -1,8 +1,8 @@
-"""Turn edges to the other diagonal of their two faces where that lies nearer to the zero level of the field,
-as along creases, or where it mends faces too thin.
+"""Edge flips: an edge gives way to the other diagonal of its two faces where that lies nearer to the zero
+level of the field, as along creases, or where it makes a thin face wider.
 
-The vertices stay. Faces that turn by more than the limit, or that get thinner than they may, are refused.
-Letters: V vertices, F faces, N edges that may be turned; an edge from a to b has c and d opposite.
+The vertices stay. A flip is refused where faces would turn by more than the limit, or get thinner than they
+may. Letters: V vertices, F faces, N edges that may be flipped; an edge from a to b has c and d opposite.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from assets.field import Field, ask
-from assets.mesh.mend import following
+from assets.mesh.repair import next_edge
 from assets.mesh.surface import Surface, opposite_edges, smallest_angle_of
 
 
@@ -34,7 +34,7 @@ class Diagonals:
     faces: Int64[np.ndarray, "N 2"]
     ends: Int64[np.ndarray, "N 4"]  # a b c d
     area: Float64[np.ndarray, " N"]  # of both faces, square metres
-    rise: Float64[np.ndarray, " N"]  # metres from the middle of c d to that of a b, outward
+    height: Float64[np.ndarray, " N"]  # metres from the middle of c d to that of a b, outward
     angle: Float64[np.ndarray, " N"]  # the smallest of both faces, degrees
     turned_angle: Float64[np.ndarray, " N"]
 
@@ -43,7 +43,8 @@ class Diagonals:
 
 
 def flip(surface: Surface, sdf: Field, config: FlipConfig | None = None) -> Surface:
-    """The same vertices with some edges turned; closed and manifold as before.
+    """The same vertices with some edges flipped, nearer to the zero level of `sdf` (metres); closed and
+    manifold as before.
 
     Raises:
         FieldError: the field is NaN or infinite.
@@ -52,7 +53,7 @@ def flip(surface: Surface, sdf: Field, config: FlipConfig | None = None) -> Surf
     for _ in range(config.rounds):
         found = diagonals(surface, config.largest_turn)
         found, gain = worthwhile(surface, found, sdf, config)
-        chosen = found.at(not_touching(found, gain))
+        chosen = found.at(independent_set(found, gain))
         faces = surface.faces.copy()
         a, b, c, d = chosen.ends.T
         faces[chosen.faces[:, 0]] = np.stack([c, a, d], axis=1)
@@ -67,8 +68,8 @@ def diagonals(surface: Surface, largest_turn: float) -> Diagonals:
     twin = opposite_edges(faces, count)
     edge = np.flatnonzero(twin > np.arange(len(twin)))
     flat, other = faces.reshape(-1), twin[edge]
-    a, b = flat[edge], flat[following(edge)]
-    c, d = flat[following(following(edge))], flat[following(following(other))]
+    a, b = flat[edge], flat[next_edge(edge)]
+    c, d = flat[next_edge(next_edge(edge))], flat[next_edge(next_edge(other))]
     doubled = np.isin(names(c, d, count), names(a, b, count)) | (c == d)
     before = np.stack([double_areas(points, a, b, c), double_areas(points, b, a, d)])
     turned = np.stack([double_areas(points, c, a, d), double_areas(points, d, b, c)])
@@ -80,7 +81,7 @@ def diagonals(surface: Surface, largest_turn: float) -> Diagonals:
         faces=np.stack([edge // 3, other // 3], axis=1),
         ends=np.stack([a, b, c, d], axis=1),
         area=0.5 * np.linalg.norm(before, axis=2).sum(axis=0),
-        rise=np.einsum("nd,nd->n", 0.5 * (points[a] + points[b] - points[c] - points[d]), mean),
+        height=np.einsum("nd,nd->n", 0.5 * (points[a] + points[b] - points[c] - points[d]), mean),
         angle=np.minimum(smallest(points, a, b, c), smallest(points, b, a, d)),
         turned_angle=np.minimum(smallest(points, c, a, d), smallest(points, d, b, c)),
     ).at(able)
@@ -92,11 +93,11 @@ def worthwhile(
     """Those whose turning brings the surface nearer or mends a thin face, and how much each gains."""
     mends = (found.angle < config.thin) & (found.turned_angle > found.angle)
     sound = found.turned_angle > np.minimum(config.thin, found.angle)
-    looked_at = mends | (sound & (np.abs(found.rise) > config.worth))
+    looked_at = mends | (sound & (np.abs(found.height) > config.worth))
     found, mends = found.at(looked_at), mends[looked_at]
     a, b, c, d = (surface.vertices[ends] for ends in found.ends.T)
     before = ask(sdf, 0.5 * (a + b))
-    after_ = before - found.rise  # to first order
+    after_ = before - found.height  # to first order
     likely = mends | (np.abs(after_) < config.better * np.abs(before))
     after_[likely] = ask(sdf, 0.5 * (c + d)[likely])
     before, after_ = np.abs(before), np.abs(after_)
@@ -108,7 +109,7 @@ def worthwhile(
     return found.at(chosen), gain[chosen]
 
 
-def not_touching(found: Diagonals, gain: Float64[np.ndarray, " N"]) -> Bool[np.ndarray, " N"]:
+def independent_set(found: Diagonals, gain: Float64[np.ndarray, " N"]) -> Bool[np.ndarray, " N"]:
     """Edges that gain more than the others of their two faces, and of which no two make the same edge."""
     best = np.full(int(found.faces.max(initial=-1)) + 1, -1, dtype=np.int64)
     rank = np.empty(len(gain), dtype=np.int64)

@@ -1,12 +1,12 @@
-"""From the dense surface to the faces asked for, laid on the field.
+"""From the dense surface to the faces asked for, near the field.
 
-    simplify to a quarter more -> turn edges, place vertices
-    simplify to the number     -> turn edges | place vertices
+    simplify to a quarter more -> turn edges (flip), place vertices (fit)      reduce
+    simplify to the number     -> turn edges (flip)                            reduce
+                                                      -> place vertices (fit)  refit
 
-The first round lays the faces on the field, so that the second simplification weighs them by where the field
-is and not by the steps of a grid: an eighth off the error. All but the last step is
-final but for the places of vertices, which that slides by half a millimetre as a rule: charts need not wait
-for it.
+The first round puts the faces on the field. So the second simplification weighs them by where the field is,
+and not by the steps of a grid: an eighth off the error. `refit` slides vertices by half a millimetre as a
+rule, and changes nothing else, so charts need not wait for it.
 """
 
 from assets.field import Field
@@ -15,11 +15,11 @@ from assets.simplify.fit import fit
 from assets.simplify.flip import flip
 from assets.simplify.simplify import SimplifyConfig, simplify
 
-SURPLUS = 1.25  # of the faces asked for, in the first round
+SURPLUS = 1.25  # times the faces asked for are kept in the first round
 
 
 def reduce(dense: Surface, sdf: Field, faces: int) -> Surface:
-    """The surface at the faces asked for, near the zero level of `sdf`, creases included.
+    """The surface at the number of faces asked for, near the zero level of `sdf` (metres), creases included.
 
     Raises:
         GeometryError: no method reached the number of faces with a closed manifold surface.
@@ -32,11 +32,11 @@ def reduce(dense: Surface, sdf: Field, faces: int) -> Surface:
     return simple if find_defects(turned) else turned
 
 
-def settle(surface: Surface, sdf: Field) -> Surface:
-    """The same faces with their vertices placed once more, where that leaves them sound.
+def refit(surface: Surface, sdf: Field) -> Surface:
+    """The same faces with their vertices placed once more; the surface itself where that would spoil it.
 
     Raises:
         FieldError: the field is NaN or infinite.
     """
-    settled = fit(surface, sdf)
-    return surface if find_defects(settled) else settled
+    moved = fit(surface, sdf)
+    return surface if find_defects(moved) else moved

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.errors import GeometryError
-from assets.mesh.clean import from_pymeshlab, tidy, to_pymeshlab
+from assets.mesh.clean import clean, from_pymeshlab, to_pymeshlab
 from assets.mesh.surface import Surface, find_defects, volume
 from assets.simplify.decimate import decimate
 from avatargen.errors import InputError
@@ -71,7 +71,7 @@ def with_repair(surface: Surface) -> Iterator[Surface]:
     if not find_defects(surface):
         return
     try:
-        repaired = tidy(surface).surface
+        repaired = clean(surface).surface
     except GeometryError:
         return
     if volume(repaired) >= KEPT_VOLUME * volume(surface):

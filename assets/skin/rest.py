@@ -26,13 +26,13 @@ from avatargen.body.skinning import unskin
 class RestMesh:
     """Vertices, unit normals and joint frames in the rest pose; world axes at every joint.
 
-    `turns` are the rotations that took the joints there from the T-pose.
+    `rest_rotations` took the joints there from the T-pose.
     """
 
     vertices: Float64[np.ndarray, "V 3"]
     normals: Float64[np.ndarray, "V 3"]
     T_world_joint: Float64[np.ndarray, "J 4 4"]
-    turns: Float64[np.ndarray, "J 3 3"]
+    rest_rotations: Float64[np.ndarray, "J 3 3"]
 
     @property
     def joints(self) -> Float64[np.ndarray, "J 3"]:
@@ -73,7 +73,7 @@ def to_rest(
         vertices=posed.vertices,
         normals=vertex_normals(posed),
         T_world_joint=T_world_joint,
-        turns=rest.T_world_joint[:, :3, :3],
+        rest_rotations=rest.T_world_joint[:, :3, :3],
     )
 
 

@@ -23,9 +23,9 @@ from assets.texture import charts as charts_program
 from avatargen.errors import InputError
 
 NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
-ADOPTING_ROUNDS = 8
-FINEST_PACKING = 768  # cells along the side of the grid that charts are packed on: time grows with its square
-SIDE_TO_PADDING = 109  # of that grid
+ROUNDS = 8  # of adding faces beside those already there: a chain of so many tiny faces is found
+FINEST_PACKING = 768  # cells along the side of the grid that charts are packed on: time goes with its square
+SIDE_TO_PADDING = 109  # cells of that grid's side for each cell between charts: 7 of 768
 MARGIN = 1.5  # texels between a face packed alone and its cell's border
 
 
@@ -118,8 +118,9 @@ def unwrap(
     config: AtlasConfig | None = None,
     program: ChartProgram | None = None,
 ) -> Atlas:
-    """Charts that do not cross from one part to another, at one density but for the parts' scales; by a
-    program that has been started already, or a new one.
+    """Charts that do not cross from one part to another, at one density but for the parts' scales.
+
+    `parts` has a label for each face; `program` may have been started already, and ends with this.
 
     Raises:
         GeometryError: parts that do not fit the faces.
@@ -146,50 +147,53 @@ def chart_atlas(
         SubprocessError: xatlas crashed or ran out of time.
     """
     labels = np.unique(parts)
-    chosen = [np.flatnonzero(parts == label) for label in labels]
+    rows = [np.flatnonzero(parts == label) for label in labels]
+    scales = [dict(config.scales).get(int(label), 1.0) for label in labels]
     arrays = {"resolution": np.array(config.packing), "padding": np.array(config.padding)}
-    originals = []
-    for index, (label, faces) in enumerate(zip(labels, chosen, strict=True)):
+    for index, (faces, scale) in enumerate(zip(rows, scales, strict=True)):
         mesh = compact(surface.vertices, surface.faces[faces])
-        originals.append(np.unique(surface.faces[faces]))
-        arrays[f"positions_{index}"] = (mesh.vertices * dict(config.scales).get(int(label), 1.0)).astype(
-            np.float32
-        )
+        arrays[f"positions_{index}"] = (mesh.vertices * scale).astype(np.float32)
         arrays[f"faces_{index}"] = mesh.faces.astype(np.uint32)
     result = program.run(arrays, config.time_limit * max(1.0, len(parts) / 10_000))
-    faces, uv, vertex_map, first = np.full(surface.faces.shape, -1), [], [], 0
-    for index, (original, rows) in enumerate(zip(originals, chosen, strict=True)):
-        split = result[f"faces_{index}"].astype(np.int64)
-        if len(split) != len(rows):
+    for index, faces in enumerate(rows):
+        found = len(result[f"faces_{index}"])
+        if found != len(faces):
             raise GeometryError(
-                f"atlas: xatlas returned {len(split)} of {len(rows)} faces of part {labels[index]}"
+                f"atlas: xatlas returned {found} of {len(faces)} faces of part {labels[index]}"
             )
-        faces[rows] = split + first
-        vertex_map.append(original[result[f"vertices_{index}"].astype(np.int64)])
-        uv.append(result[f"uv_{index}"])
-        first += len(uv[-1])
-    atlas = Atlas(
-        vertex_map=np.concatenate(vertex_map),
-        uv=np.clip(np.concatenate(uv) / result["size"].max(), 0, 1).astype(np.float32),
-        faces=faces.astype(np.int64),
-    )
-    atlas = adopt(surface, atlas, largest=1 / config.texture_size)
+    atlas = add_left_out(surface, joined(surface, rows, result), largest=1 / config.texture_size)
     check_atlas(surface, atlas)
     return atlas
 
 
-def adopt(surface: Surface, atlas: Atlas, largest: float) -> Atlas:
-    """Lay the tiny faces that xatlas left out flat against a neighbour's chart, over the longest edge they
+def joined(surface: Surface, rows: list[Int64[np.ndarray, " _"]], result: dict[str, np.ndarray]) -> Atlas:
+    """One atlas of the charts that xatlas made of the parts' meshes; `rows` are the faces of each part."""
+    faces, uv, vertex_map, first = np.full(surface.faces.shape, -1), [], [], 0
+    for index, part in enumerate(rows):
+        original = np.unique(surface.faces[part])  # the part's vertices, in the order of its mesh
+        faces[part] = result[f"faces_{index}"].astype(np.int64) + first
+        vertex_map.append(original[result[f"vertices_{index}"].astype(np.int64)])
+        uv.append(result[f"uv_{index}"])
+        first += len(uv[-1])
+    return Atlas(
+        vertex_map=np.concatenate(vertex_map),
+        uv=np.clip(np.concatenate(uv) / result["size"].max(), 0, 1).astype(np.float32),
+        faces=faces.astype(np.int64),
+    )
+
+
+def add_left_out(surface: Surface, atlas: Atlas, largest: float) -> Atlas:
+    """Unfold the tiny faces that xatlas left out beside a neighbour's chart, over the longest edge they
     share; the vertices that they had of their own are dropped.
 
     Raises:
-        GeometryError: one would stand out by more than `largest`, or has no neighbour in a chart.
+        GeometryError: one would stand out by more than `largest` (of the texture's side).
     """
     twin = opposite_edges(surface.faces, len(surface.vertices)).reshape(-1, 3)
     lengths = edge_lengths(surface, directed_edges(surface.faces)).reshape(-1, 3)
     faces, uv, vertex_map = atlas.faces.copy(), atlas.uv.astype(np.float64), atlas.vertex_map
     left = np.abs(uv_areas(atlas)) <= 0
-    for _ in range(ADOPTING_ROUNDS):
+    for _ in range(ROUNDS):
         if not left.any():
             break
         usable = np.where((twin >= 0) & ~left[twin // 3], lengths, -1.0)
@@ -227,16 +231,16 @@ def unfold(
     uv_end: Float64[np.ndarray, "N 2"],
     uv_behind: Float64[np.ndarray, "N 2"],
 ) -> tuple[Float64[np.ndarray, "N 2"], Float64[np.ndarray, " N"]]:
-    """Where the tip of a triangle lies in the texture, turned about an edge away from `uv_behind`; and its
-    height there."""
+    """Where the tips of triangles (metres) lie in the texture when they are turned flat about an edge, from
+    `start` to `end`, away from `uv_behind`; and how far from that edge, of the texture's side."""
     edge, uv_edge = end - start, uv_end - uv_start
     length = np.maximum(np.linalg.norm(edge, axis=1), 1e-12)
     along = np.einsum("nd,nd->n", tip - start, edge) / length**2
-    rise = np.linalg.norm(tip - start - along[:, None] * edge, axis=1) / length
+    height = np.linalg.norm(tip - start - along[:, None] * edge, axis=1) / length
     across = np.stack([-uv_edge[:, 1], uv_edge[:, 0]], axis=1)
     away = -np.sign(np.einsum("nd,nd->n", across, uv_behind - uv_start))
-    place = uv_start + along[:, None] * uv_edge + (away * rise)[:, None] * across
-    return place, rise * np.linalg.norm(uv_edge, axis=1)
+    place = uv_start + along[:, None] * uv_edge + (away * height)[:, None] * across
+    return place, height * np.linalg.norm(uv_edge, axis=1)
 
 
 def check_atlas(surface: Surface, atlas: Atlas) -> None:
@@ -259,7 +263,7 @@ def uv_areas(atlas: Atlas) -> Float64[np.ndarray, " F"]:
 
 
 def plain_atlas(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig, reason: str) -> Atlas:
-    """Every face alone: laid flat, and two to a square cell of an even grid."""
+    """Every face alone, flat, and two to a square cell of an even grid; `reason` says why."""
     del parts  # one density for all
     count = len(surface.faces)
     columns = int(np.ceil(np.sqrt((count + 1) // 2)))

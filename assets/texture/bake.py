@@ -1,5 +1,5 @@
 """The base colour texture: ask the field for the colour at each texel's place on the surface, but where
-`assets.texture.calm` finds that its neighbours tell it.
+`assets.texture.coarse_to_fine` finds that its neighbours tell it.
 
 Beyond the charts' edges the faces go on flat for as far as bilinear filtering reaches; the rest takes the
 nearest texel's colour, so that neither filtering nor smaller copies of the texture bring in anything else.
@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float64, Int64, UInt8
 from assets.field import Field, ask
 from assets.mesh.surface import Surface
 from assets.texture.atlas import Atlas
-from assets.texture.calm import AskTexels, ask_coarse_to_fine
+from assets.texture.coarse_to_fine import AskTexels, ask_coarse_to_fine
 from assets.texture.nearest_texel import nearest_texels
 from assets.texture.raster import coordinates, rasterise
 from avatargen.errors import InputError
@@ -50,7 +50,7 @@ class Texture:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Texels:
+class TexelMap:
     """Where a square texture's texels lie on the faces; a texel's number is row * size + column."""
 
     size: int
@@ -103,14 +103,14 @@ def bake(
 
 def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfig) -> Texture:
     """`bake` with the texture's coverage. Raises the same errors."""
-    laid = lay_texels(atlas, config.texture_size)
+    texel_map = map_texels(atlas, config.texture_size)
 
     offsets = sample_offsets(config.samples)
 
     def sampled(
         texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"]
     ) -> Float64[np.ndarray, "K 3"]:
-        return np.clip(ask(color, laid.points(surface, texel, offset), 3), 0, 1)
+        return np.clip(ask(color, texel_map.points(surface, texel, offset), 3), 0, 1)
 
     def paint(texel: Int64[np.ndarray, " K"]) -> UInt8[np.ndarray, "K 3"]:
         mixed = sampled(texel, offsets[0])
@@ -121,8 +121,8 @@ def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfi
             mixed = to_srgb(light / len(offsets))
         return np.rint(255 * mixed).astype(np.uint8)
 
-    texels = ask_coarse_to_fine(in_chunks(paint), laid.wanted(), 3)
-    return Texture(texels=laid.spread(texels), coverage=laid.coverage)
+    texels = ask_coarse_to_fine(in_chunks(paint), texel_map.wanted(), 3)
+    return Texture(texels=texel_map.spread(texels), coverage=texel_map.coverage)
 
 
 def in_chunks(ask_texels: AskTexels) -> AskTexels:
@@ -145,14 +145,14 @@ def to_srgb(linear: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def lay_texels(atlas: Atlas, size: int) -> Texels:
+def map_texels(atlas: Atlas, size: int) -> TexelMap:
     """Which face each texel of a texture belongs to, and how far filtering reaches beyond the faces."""
     triangles = atlas.uv[atlas.faces].astype(np.float64) * size
     face = cover_texels(triangles, size)
     covered = face >= 0
     nearest, squared = (found.reshape(-1) for found in nearest_texels(covered))
     near = squared <= FILTER_REACH**2
-    return Texels(
+    return TexelMap(
         size=size,
         triangles=triangles,
         face=face.reshape(-1)[nearest],

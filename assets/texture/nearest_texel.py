@@ -12,7 +12,7 @@ from jaxtyping import Bool, Int64
 
 from avatargen.compiled import compiled, inner
 
-FAR = 1 << 20  # more texels than a side has
+FAR = 1 << 20  # texels, more than a side has
 
 
 def nearest_texels(
@@ -25,8 +25,10 @@ def nearest_texels(
     return nearest, squared
 
 
+@compiled
 def search_columns(marked):
-    """[H W] the row of the nearest marked texel in the same column; far away where there is none."""
+    """[H W] the row of the nearest marked texel in the same column, the upper of two; `FAR` or minus that
+    where the column has none. `marked` [H W] are truth values."""
     height, width = marked.shape
     row, last = np.empty((height, width), np.int64), np.empty(width, np.int64)
     for x in range(width):
@@ -44,8 +46,10 @@ def search_columns(marked):
     return row
 
 
+@compiled
 def search_rows(row, nearest, squared):
-    """Fill in the results from each column's nearest rows."""
+    """Fill in `nearest` and `squared` [H W], as `nearest_texels` returns them, from each column's nearest
+    rows [H W]."""
     height, width = row.shape
     column, start = np.empty(width, np.int64), np.empty(width + 1)
     for y in range(height):
@@ -58,8 +62,10 @@ def search_rows(row, nearest, squared):
             squared[y, x] = (x - column[k]) ** 2 + (y - row[y, column[k]]) ** 2
 
 
+@inner
 def lowest_parabolas(row, y, column, start):
-    """Fill in the columns whose parabolas are lowest somewhere, and from where on; how many there are."""
+    """Fill in `column` [W], the columns whose parabolas are lowest somewhere along row y, and `start` [W],
+    the x from which on each is; returns how many there are. `row` [W] are the columns' nearest rows."""
     count = 0
     for x in range(len(row)):
         if abs(row[x]) >= FAR:
@@ -75,8 +81,3 @@ def lowest_parabolas(row, y, column, start):
         start[count] = begin if count else -np.inf
         count += 1
     return count
-
-
-search_columns = compiled(search_columns)
-lowest_parabolas = inner(lowest_parabolas)
-search_rows = compiled(search_rows)

@@ -19,7 +19,7 @@ from assets.field import Field, ask
 from assets.mesh.surface import Surface
 from assets.skin.rest import RestMesh
 from assets.texture.atlas import Atlas
-from assets.texture.bake import BakeConfig, in_chunks, lay_texels
+from assets.texture.bake import BakeConfig, in_chunks, map_texels
 from assets.texture.tangents import find_tangents
 
 # metres from a texel's place to the four points whose values give the gradient: folds stay; the facets of a
@@ -56,24 +56,24 @@ def bake_normals(
     stretched = Surface(vertices=rest.vertices, faces=surface.faces)
     split = Surface(vertices=rest.vertices[atlas.vertex_map], faces=atlas.faces)
     tangents = find_tangents(split, rest.normals[atlas.vertex_map], atlas.uv.astype(np.float64))
-    laid = lay_texels(atlas, config.texture_size)
+    texel_map = map_texels(atlas, config.texture_size)
 
     def draw(texel: Int64[np.ndarray, " N"]) -> UInt8[np.ndarray, "N 3"]:
-        face, share = laid.face[texel], laid.barycentric(texel)
+        face, share = texel_map.face[texel], texel_map.barycentric(texel)
         corners = surface.faces[face]
         places = np.einsum("nc,ncd->nd", share, surface.vertices[corners])
-        facing = to_rest(surface, stretched, face, rise(sdf, places))
+        facing = to_rest(surface, stretched, face, scaled_gradients(sdf, places))
         normal = np.einsum("nc,ncd->nd", share, rest.normals[corners])
         tangent = np.einsum("nc,ncd->nd", share, tangents[atlas.faces[face]].astype(np.float64))
         return np.rint(127.5 * (in_frame(facing, normal, tangent) + 1)).astype(np.uint8)
 
-    # every texel: the facets of a trained field leave no block calm
+    # every texel: the facets of a trained field leave no block uniform
     texels = np.zeros((config.texture_size, config.texture_size, 3), dtype=np.uint8)
-    texels.reshape(-1, 3)[laid.asked] = in_chunks(draw)(laid.asked)
-    return NormalMap(texels=laid.spread(texels), tangents=tangents)
+    texels.reshape(-1, 3)[texel_map.asked] = in_chunks(draw)(texel_map.asked)
+    return NormalMap(texels=texel_map.spread(texels), tangents=tangents)
 
 
-def rise(sdf: Field, points: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
+def scaled_gradients(sdf: Field, points: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
     """The field's gradient times 4/3 of the step, from four values around each point."""
     places = points[:, None] + STEP * TETRAHEDRON
     return ask(sdf, places.reshape(-1, 3)).reshape(-1, QUESTIONS) @ TETRAHEDRON

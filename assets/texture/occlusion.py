@@ -18,8 +18,8 @@ from jaxtyping import Float64, Int64, UInt8
 from assets.field import Field, ask
 from assets.mesh.surface import Surface, vertex_normals
 from assets.texture.atlas import Atlas
-from assets.texture.bake import BakeConfig, in_chunks, lay_texels
-from assets.texture.calm import ask_coarse_to_fine
+from assets.texture.bake import BakeConfig, in_chunks, map_texels
+from assets.texture.coarse_to_fine import ask_coarse_to_fine
 from assets.texture.normal_map import unit
 from avatargen.body.distance import BodyDistance
 
@@ -48,17 +48,17 @@ def bake_occlusion(
         FieldError: the field is NaN or infinite.
     """
     config = config or BakeConfig()
-    laid = lay_texels(atlas, config.texture_size)
+    texel_map = map_texels(atlas, config.texture_size)
     normals = vertex_normals(surface)
 
     def shade(texel: Int64[np.ndarray, " N"]) -> UInt8[np.ndarray, "N 1"]:
-        corners, share = surface.faces[laid.face[texel]], laid.barycentric(texel)
+        corners, share = surface.faces[texel_map.face[texel]], texel_map.barycentric(texel)
         places = np.einsum("nc,ncd->nd", share, surface.vertices[corners])
         facing = unit(np.einsum("nc,ncd->nd", share, normals[corners]))
         return np.rint(255 * openness(sdf, places, facing)).astype(np.uint8)[:, None]
 
-    texels = ask_coarse_to_fine(in_chunks(shade), laid.wanted(), 1)
-    return laid.spread(texels)[..., 0]
+    texels = ask_coarse_to_fine(in_chunks(shade), texel_map.wanted(), 1)
+    return texel_map.spread(texels)[..., 0]
 
 
 def openness(
@@ -72,6 +72,6 @@ def openness(
     start = ask(sdf, points)
     missing = np.zeros(len(points))
     for height in HEIGHTS:
-        rise = ask(sdf, points + height * normals) - start
-        missing += np.clip(1 - rise / height, 0, 1)
+        growth = ask(sdf, points + height * normals) - start
+        missing += np.clip(1 - growth / height, 0, 1)
     return np.clip(1 - STRENGTH * missing / len(HEIGHTS), 0, 1)

@@ -13,14 +13,14 @@ from jaxtyping import Float64, Int64
 
 from avatargen.compiled import compiled
 
-MOST_PIXELS = 4_000_000  # looked at in one go
-ON_EDGE = 1e-7  # in barycentric coordinates: neighbours leave no gap between them
-FLAT = 1e-12  # square pixels of a triangle without area
+MOST_PIXELS = 4_000_000  # looked at in one go, for 160 MB of fragments
+ON_EDGE = 1e-7  # barycentric: centres this far outside an edge count as covered, so neighbours leave no gap
+FLAT = 1e-12  # square pixels, at or under which a triangle has no area
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fragments:
-    """Pixels under triangles; one pixel may occur under several."""
+    """Pixels whose centres lie under triangles; one pixel may occur under several."""
 
     triangle: Int64[np.ndarray, " N"]
     pixel: Int64[np.ndarray, " N"]  # y * width + x
@@ -28,7 +28,8 @@ class Fragments:
 
 
 def rasterise(triangles: Float64[np.ndarray, "T 3 2"], width: int, height: int) -> Iterator[Fragments]:
-    """Fragments of triangles inside a picture, in the triangles' order, in pieces of bounded size."""
+    """Fragments of triangles (pixels) in a picture of width x height pixels, in the triangles' order, in
+    pieces of bounded size."""
     if len(triangles) == 0:
         return
     low = np.clip(np.ceil(triangles.min(axis=1) - 0.5), 0, [width, height]).astype(np.int64)
@@ -45,8 +46,13 @@ def rasterise(triangles: Float64[np.ndarray, "T 3 2"], width: int, height: int) 
         yield Fragments(triangle=triangle[:count], pixel=pixel[:count], barycentric=barycentric[:count])
 
 
+@compiled
 def cover(weights, low, high, first, last, width, triangle, pixel, barycentric):
-    """Fill in the fragments of some triangles, out of the boxes of pixels around them; how many there are."""
+    """Fill in the fragments of the triangles from `first` to `last`; returns how many there are.
+
+    `weights` [T 2 3] as `linear_weights` makes them; `low` and `high` [T 2] are the first and last column and
+    row of pixels to look at; `triangle` [N], `pixel` [N] and `barycentric` [N 3] have room for all of these.
+    """
     count = 0
     for t in range(first, last):
         bx, by, b0 = weights[t, 0, 0], weights[t, 0, 1], weights[t, 0, 2]
@@ -67,8 +73,8 @@ def coordinates(
     triangle: Int64[np.ndarray, " N"],
     points: Float64[np.ndarray, "N 2"],
 ) -> Float64[np.ndarray, "N 3"]:
-    """Barycentric coordinates of points in triangles, outside 0..1 beyond them; NaN in triangles without
-    area."""
+    """Barycentric coordinates of points (pixels), each in the triangle of the number beside it; outside 0..1
+    beyond it, NaN where it has no area."""
     x, y = np.ascontiguousarray(points.T)
     weights = np.ascontiguousarray(linear_weights(triangles).transpose(1, 2, 0))
     b, c = (by_x[triangle] * x + by_y[triangle] * y + rest[triangle] for by_x, by_y, rest in weights)
@@ -76,13 +82,11 @@ def coordinates(
 
 
 def linear_weights(triangles: Float64[np.ndarray, "T 3 2"]) -> Float64[np.ndarray, "T 2 3"]:
-    """The second and the third corner's barycentric weights as functions of x, y and 1."""
+    """Barycentric coordinates of the second and the third corner as linear functions: what x, y and 1 count;
+    NaN for triangles without area."""
     a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     scale = np.where(np.abs(area) > FLAT, 1 / np.where(np.abs(area) > FLAT, area, 1.0), np.nan)
     slopes = np.stack([v[:, 1], -v[:, 0], -u[:, 1], u[:, 0]], axis=1).reshape(-1, 2, 2)
     slopes = slopes * scale[:, None, None]
     return np.concatenate([slopes, -(slopes @ a[:, :, None])], axis=2)
-
-
-cover = compiled(cover)

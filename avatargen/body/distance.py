@@ -1,6 +1,6 @@
 """Exact signed distance to a closed body mesh, with the closest face and where on it.
 
-The closest point comes from `avatargen.body.closest`; the sign from the angle-weighted pseudonormal of the
+The closest point comes from `avatargen.mesh.closest`; the sign from the angle-weighted pseudonormal of the
 feature it lies on (face, edge or vertex: Baerentzen and Aanaes 2005), which is right everywhere for a closed,
 consistently oriented mesh. float64 inside.
 """
@@ -11,14 +11,11 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64
 
 from avatargen.errors import FieldError, InputError
+from avatargen.mesh.morton import morton_order
 
 ON_EDGE = 1e-9  # barycentric coordinate under which a closest point counts as on the opposite edge
 CELL = 0.02  # metres; points nearer than this to their predecessor count as coherent
 COHERENCE_SAMPLE = 4096
-# of each number of eight bits the same bits, two places apart
-SPREAD_BITS = np.bitwise_or.reduce(
-    [(np.arange(256, dtype=np.uint32) >> bit & 1) << 3 * bit for bit in range(8)]
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +35,7 @@ class BodyDistance:
     """
 
     def __init__(self, vertices: Float[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> None:
-        from avatargen.body.closest import ClosestPoints, is_inside
+        from avatargen.mesh.closest import ClosestPoints, is_inside
 
         self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         self.faces = np.ascontiguousarray(faces, dtype=np.int64)
@@ -66,7 +63,7 @@ class BodyDistance:
             )
         if coherent(points):
             return self.query_in_order(points)
-        order = near_order(points)
+        order = morton_order(points)
         hit = self.query_in_order(points[order])
         back = np.empty_like(order)
         back[order] = np.arange(len(order))
@@ -95,19 +92,6 @@ def coherent(points: Float[np.ndarray, "N 3"]) -> bool:
     return len(points) <= COHERENCE_SAMPLE or bool(
         np.median(np.abs(np.diff(sample, axis=0)).max(axis=1)) < CELL
     )
-
-
-def near_order(points: Float[np.ndarray, "N 3"]) -> Int64[np.ndarray, " N"]:
-    """An order in which neighbours follow each other: cells of 1/256 of the points' box, their bits
-    interleaved (Morton 1966). Points of one cell keep their order."""
-    if len(points) < 2:
-        return np.arange(len(points))
-    columns = [np.ascontiguousarray(column, dtype=np.float64) for column in points.T]
-    scale = 255 / max(1e-12, *(np.ptp(column) for column in columns))
-    x, y, z = (SPREAD_BITS[((column - column.min()) * scale).astype(np.uint8)] for column in columns)
-    code = x | y << 1 | z << 2
-    order = np.argsort((code & 0xFFFF).astype(np.uint16), kind="stable")  # linear for numbers so small
-    return order[np.argsort((code >> 16).astype(np.uint8)[order], kind="stable")]
 
 
 def pseudonormals(

@@ -31,11 +31,11 @@ def outer_reach(
         center = p[active] + radius[active, None] * n[active]
         distance, index = tree.query(center)
         gap = p[index] - p[active]
-        rise = (gap * n[active]).sum(axis=1)
-        hit = (index != active) & (distance < radius[active] * (1 - 1e-6)) & (rise > 0)
-        active, gap, rise = active[hit], gap[hit], rise[hit]
-        shrunk = (gap**2).sum(axis=1) / (2 * rise)  # rise > 0 where hit
-        cosine = 1 - rise / shrunk  # of the angle between the two touching points, seen from the centre
+        height = (gap * n[active]).sum(axis=1)
+        hit = (index != active) & (distance < radius[active] * (1 - 1e-6)) & (height > 0)
+        active, gap, height = active[hit], gap[hit], height[hit]
+        shrunk = (gap**2).sum(axis=1) / (2 * height)  # height > 0 where hit
+        cosine = 1 - height / shrunk  # of the angle between the two touching points, seen from the centre
         deep = (cosine < SHALLOW) & (shrunk < radius[active])
         active, shrunk = active[deep], shrunk[deep]
         radius[active] = shrunk

@@ -22,7 +22,7 @@ Axis = tuple[float, float, float]
 class Limb:
     """What one angle does: each joint turns about its axis, by the angle times the axis' length. Degrees."""
 
-    turns: tuple[tuple[str, Axis], ...]
+    axes: tuple[tuple[str, Axis], ...]
     low: int
     high: int
 
@@ -30,7 +30,7 @@ class Limb:
 def limb(joint: str, axis: int, sign: int, low: int, high: int) -> Limb:
     """One joint about x, y or z."""
     x, y, z = (float(sign * (axis == each)) for each in (X, Y, Z))
-    return Limb(turns=((joint, (x, y, z)),), low=low, high=high)
+    return Limb(axes=((joint, (x, y, z)),), low=low, high=high)
 
 
 def pair(name: str, joint: str, axis: int, left: int, right: int, low: int, high: int) -> dict[str, Limb]:
@@ -41,11 +41,11 @@ def pair(name: str, joint: str, axis: int, left: int, right: int, low: int, high
     }
 
 
-def of_hands(name: str, turns: dict[str, Axis], low: int, high: int) -> dict[str, Limb]:
+def of_hands(name: str, axes: dict[str, Axis], low: int, high: int) -> dict[str, Limb]:
     """Joints of the left hand turned about these axes, and those of the right about their mirror images."""
     return {
         f"{side} {name}": Limb(
-            turns=tuple((f"{side}_{joint}", (x, sign * y, sign * z)) for joint, (x, y, z) in turns.items()),
+            axes=tuple((f"{side}_{joint}", (x, sign * y, sign * z)) for joint, (x, y, z) in axes.items()),
             low=low,
             high=high,
         )
@@ -97,7 +97,7 @@ def angles_of(pose: str) -> dict[str, float]:
     """A rest pose of arms and legs in these words."""
     found = {}
     for name, limb in LIMBS.items():
-        joint, (x, y, z) = limb.turns[0]
+        joint, (x, y, z) = limb.axes[0]
         if joint in Z_AXIS_POSES[pose] and not x and not y:
             found[name] = float(np.degrees(Z_AXIS_POSES[pose][joint])) / z
     return found
@@ -176,7 +176,7 @@ def limb_rotations(angles: dict[str, float], joint_names: tuple[str, ...]) -> Fl
     found = {name: Rotation.identity() for name in joint_names}
     for name in (name for name in LIMBS if name in angles):
         limb = LIMBS[name]
-        for joint, axis in limb.turns:
+        for joint, axis in limb.axes:
             if joint in found:
                 found[joint] = found[joint] * Rotation.from_rotvec(np.radians(angles[name]) * np.array(axis))
     return np.stack([found[name].as_rotvec() for name in joint_names])

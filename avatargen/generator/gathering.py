@@ -1,10 +1,17 @@
 """What the field's networks read at many points, gathered by compiled code: a few passes over memory in place
-of many torch calls, in rows that lie in the order of the parts whose networks read them.
+of many torch calls.
 
-The same numbers as `Decoder.inputs` and `Shares` give, to float32's rounding.
+    points -> shares in the body's parts                                 share_parts
+    -> a row of inputs for each point and part, part after part          place_rows
+    a point's first row -> planes, distance, body features, its place    fill_planes ... fill_place
+    -> copied to its other rows                                          copy_rows
+    the networks' answers by row -> the points', weighted by shares      blend
 
-Letters: N points, M rows (a point in two parts has two), I inputs, P parts, S places, C plane channels,
-T texels, V body vertices, F its faces, K features, J knots. Metres.
+The numbers are those of `Decoder.inputs` and `Shares`, to float32's rounding.
+
+Letters: N points, M rows (a point in two parts has two), I inputs, P parts, S places (a part has a few), C
+plane channels, R texels along a plane's side, T = 3 R^2 texels, V body vertices, F its faces, K features, J
+knots, H outputs of a network. Metres; the box is that of the planes (`PlaneFrame`).
 """
 
 import math
@@ -20,7 +27,7 @@ from avatargen.generator.decoder import DISTANCE_SCALES, PLANE_GAIN, Decoder
 from avatargen.generator.parts import LEAST
 from avatargen.generator.planes import PlaneFrame
 
-FAR = 20.0  # a place whose exponent is so much smaller than the largest weighs less than float32 can tell
+FAR = 20.0  # of exponents, below the largest: exp(-20) is 2e-9, less than float32 can tell from 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +35,8 @@ class Rows:
     """Inputs of the networks, part after part, and what each row counts for."""
 
     inputs: Float32[np.ndarray, "M I"]
-    point: Int64[np.ndarray, " M"]
-    share: Float32[np.ndarray, " M"]
+    point: Int64[np.ndarray, " M"]  # whose row it is
+    share: Float32[np.ndarray, " M"]  # of the point in the row's part, 0 to 1
     ends: Int64[np.ndarray, " P"]  # where each part's rows end
 
 
@@ -37,23 +44,24 @@ class Rows:
 class Gathering:
     """What all people share of it: the planes' frame, the parts' places, and features on the body."""
 
-    low: Float64[np.ndarray, "3"]
+    low: Float64[np.ndarray, "3"]  # corner of the box
     size: Float64[np.ndarray, "3"]
-    knots: Float64[np.ndarray, "J 3"]
-    knot_slopes: Float64[np.ndarray, "J 3"]
+    knots: Float64[np.ndarray, "J 3"]  # of each axis' warp, in 0..1 of the box
+    knot_slopes: Float64[np.ndarray, "J 3"]  # by which the warp is steeper from each knot on
     place_slopes: Float64[np.ndarray, "S 3"]  # a place's exponent is its slope . point + its level
     place_levels: Float64[np.ndarray, " S"]
     place_parts: Int64[np.ndarray, " S"]
     parts: int
     faces: Int64[np.ndarray, "F 3"]
     features: Float32[np.ndarray, "V K"]
-    inverse_reach: Float64[np.ndarray, " V"]
-    frequencies: int
+    inverse_reach: Float64[np.ndarray, " V"]  # one over the metres at which a vertex's features fade to 0
+    frequencies: int  # of the sines and cosines of a place
 
     def rows(
         self, points: Float64[np.ndarray, "N 3"], hit: BodyHit, table: Float32[np.ndarray, "T C"]
     ) -> Rows:
-        """The networks' rows at points of the generator's space."""
+        """The networks' rows at points of the generator's space (metres); `table` as `plane_table` makes
+        it."""
         shares = np.empty((len(points), self.parts), np.float32)
         share_parts(points, self.place_slopes, self.place_levels, self.place_parts, shares)
         ends = (shares > 0).sum(axis=0).cumsum()
@@ -112,8 +120,12 @@ def gathering_of(decoder: Decoder, frame: PlaneFrame, faces: Int64[np.ndarray, "
     )
 
 
+@compiled
 def share_parts(points, slope, level, owner, shares):
-    """Fill in [N P] shares, as `avatargen.generator.parts.Shares` has them."""
+    """Fill in `shares` [N P] of points [N 3] (metres), as `avatargen.generator.parts.Shares` has them.
+
+    Places: slope [S 3] (1 / metres), level [S] and owner [S], the part that each belongs to.
+    """
     exponent, weight = np.empty(len(level)), np.empty(shares.shape[1])
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -136,8 +148,12 @@ def share_parts(points, slope, level, owner, shares):
             shares[i, part] = weight[part] / kept
 
 
+@compiled
 def place_rows(shares, ends, point, share, first):
-    """Fill in each row's point and share, and the first row of each point."""
+    """Fill in `point` [M] and `share` [M] of the rows, and `first` [N], the first row of each point.
+
+    `shares` [N P]; part p has the rows from ends[p - 1] to ends[p].
+    """
     row = np.empty(len(ends), np.int64)
     for part in range(len(ends)):
         row[part] = ends[part - 1] if part else 0
@@ -151,8 +167,9 @@ def place_rows(shares, ends, point, share, first):
                 row[part] += 1
 
 
+@inner(inline="always")
 def texel_of(place, knots, slopes, axis, resolution):
-    """The texel below a place of 0..1 along an axis, and the fraction toward the next."""
+    """The texel below a place (0..1) along an axis (0 to 2), and how far it is to the next (0..1)."""
     place = min(max(place, 0.0), 1.0)
     warped = 0.0
     for j in range(len(knots)):
@@ -162,15 +179,23 @@ def texel_of(place, knots, slopes, axis, resolution):
     return lower, texel - lower
 
 
+@inner(inline="always")
 def corners_of(u, v):
-    """The weights of a plane's four texels."""
+    """Bilinear weights of a plane's four texels, times the gain, at fractions u and v (0..1): at low and low,
+    high and low, low and high, high and high u and v."""
     u, v, w = np.float32(u), np.float32(v), np.float32(PLANE_GAIN)
     one = np.float32(1)
     return (one - u) * (one - v) * w, u * (one - v) * w, (one - u) * v * w, u * v * w
 
 
+@compiled
 def fill_planes(place, knots, slopes, table, first, inputs):
-    """Fill in the sums of the three planes' bilinear samples, in the first columns."""
+    """Fill in the sums of the three planes' bilinear samples, in the first C columns of each point's first
+    row.
+
+    `place` [N 3] in 0..1 of the box; `table` [T C] float32, as `plane_table` makes it: planes xy, yz and xz,
+    one after the other, row by row. Knots and slopes [J 3] as in `Gathering`.
+    """
     size = round(math.sqrt(len(table) / 3))
     for i in range(len(place)):
         x, u = texel_of(place[i, 0], knots, slopes, 0, size)
@@ -191,8 +216,13 @@ def fill_planes(place, knots, slopes, table, first, inputs):
             inputs[row, c] = value
 
 
+@compiled
 def fill_vertices(distance, corners, barycentric, features, inverse_reach, first, inputs, start):
-    """Fill in, from column `start`, the features at the closest body points, faded out before these jump."""
+    """Fill in, from column `start` on, the features at the closest body points, faded out before these jump.
+
+    `distance` [N] to the body in metres, negative inside; the closest point by the `corners` [N 3] of its
+    face and their weights, `barycentric` [N 3]. Within the body the features count whole.
+    """
     for i in range(len(distance) if features.shape[1] else 0):
         a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
         of_a, of_b, of_c = barycentric[i, 0], barycentric[i, 1], barycentric[i, 2]
@@ -205,9 +235,13 @@ def fill_vertices(distance, corners, barycentric, features, inverse_reach, first
             inputs[row, start + k] = of_a * features[a, k] + of_b * features[b, k] + of_c * features[c, k]
 
 
+@compiled
 def fill_place(angle, sine, cosine, first, inputs, start):
-    """Fill in, from column `start`, the place in the box, -1..1, and its sines and cosines at pi, 2 pi, 4 pi
-    ..., each by the double angle of the one before."""
+    """Fill in, from column `start` on, the place in the box, -1..1, and its sines and cosines at pi, 2 pi, 4
+    pi ..., each by the double angle of the one before.
+
+    `angle` [N 3] is pi times the place, `sine` and `cosine` are its own.
+    """
     count = (inputs.shape[1] - start) // 6
     for i in range(len(angle)):
         row = first[i]
@@ -220,8 +254,9 @@ def fill_place(angle, sine, cosine, first, inputs, start):
                 s, c = 2 * s * c, 1 - 2 * s * s
 
 
+@compiled
 def copy_rows(inputs, point, first):
-    """Fill in the further rows of points in more than one part."""
+    """Copy the inputs [M I] of each point's first row to its other rows."""
     for row in range(len(point)):
         same = first[point[row]]
         if same != row:
@@ -229,19 +264,9 @@ def copy_rows(inputs, point, first):
                 inputs[row, column] = inputs[same, column]
 
 
+@compiled
 def blend(values, point, share, total):
-    """Add rows' values to their points', by their shares."""
+    """Add the rows' values [M H] to `total` [N H] of their points, weighted by their shares [M]."""
     for row in range(len(values)):
         for k in range(values.shape[1]):
             total[point[row], k] += share[row] * values[row, k]
-
-
-texel_of = inner(texel_of, inline="always")
-corners_of = inner(corners_of, inline="always")
-share_parts = compiled(share_parts)
-place_rows = compiled(place_rows)
-fill_planes = compiled(fill_planes)
-fill_vertices = compiled(fill_vertices)
-fill_place = compiled(fill_place)
-copy_rows = compiled(copy_rows)
-blend = compiled(blend)

@@ -19,7 +19,7 @@ SECONDS_EACH = 1.0
 def together(joints: tuple[str, ...], axis: int, low: int, high: int) -> Limb:
     """Joints that each turn by the whole angle about x, y or z."""
     x, y, z = (float(axis == each) for each in (X, Y, Z))
-    return Limb(turns=tuple((joint, (x, y, z)) for joint in joints), low=low, high=high)
+    return Limb(axes=tuple((joint, (x, y, z)) for joint in joints), low=low, high=high)
 
 
 # joints of the left side are given; the right ones mirror them
@@ -53,7 +53,7 @@ RANGES = (
 
 def ranges_of(figure: Figure) -> list[Limb]:
     """Those rows whose joints the figure has."""
-    return [row for row in RANGES if {joint for joint, _ in row.turns} <= set(figure.joint_names)]
+    return [row for row in RANGES if {joint for joint, _ in row.axes} <= set(figure.joint_names)]
 
 
 def range_seconds(figure: Figure) -> float:
@@ -66,7 +66,7 @@ def range_test(figure: Figure, times: Float64[np.ndarray, " T"]) -> tuple[Turns,
     for index, row in enumerate(ranges_of(figure)):
         path = CubicHermiteSpline([0, 0.3, 0.7, 1], np.radians([0, row.low, row.high, 0]), np.zeros(4))
         angle = path(np.clip(times / SECONDS_EACH - index, 0, 1))
-        for joint, axis in row.turns:
+        for joint, axis in row.axes:
             add_turn(turns, joint, turn_about(axis, angle))
             if mirrored_name(joint) != joint:
                 # in a mirror across x = 0 turns about x stay and the others change their sign

@@ -51,7 +51,7 @@ class PeerResult:
 
 
 class LibiglTree:
-    """Closest points of a mesh by libigl, in place of `avatargen.body.closest.ClosestPoints`."""
+    """Closest points of a mesh by libigl, in place of `avatargen.mesh.closest.ClosestPoints`."""
 
     def __init__(self, vertices: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> None:
         import igl

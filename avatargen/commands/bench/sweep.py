@@ -13,11 +13,11 @@ import numpy as np
 import torch
 
 from assets.build_config import BuildConfig
-from assets.mesh.clean import tidy
+from assets.mesh.clean import clean
 from assets.mesh.measure import surface_error
 from assets.mesh.surface import Surface, find_defects, smallest_angles
 from assets.shape import atlas_config, find_pose, find_surface
-from assets.simplify.reduce import reduce, settle
+from assets.simplify.reduce import reduce, refit
 from assets.skin.attach import Attachment, attach
 from assets.skin.rest import to_rest
 from assets.skin.skin import Skin, SkinConfig, parts_of_faces, skin_attached
@@ -104,7 +104,7 @@ def sweep_surfaces(
         with measured() as extracting:
             extraction = find_surface(avatar, resolution, count)
         with measured() as cleaning:
-            dense = tidy(extraction.surface).surface
+            dense = clean(extraction.surface).surface
         if count < len(dense.faces):
             seconds = {"extract": extracting.cpu_seconds, "clean": cleaning.cpu_seconds}
             row = surface_row(avatar, truth, dense, resolution, count, seconds)
@@ -117,7 +117,7 @@ def surface_row(
     """One number of faces of an extracted surface: the later stages one by one."""
     costs = []
     with measured() as cost:
-        surface = settle(reduce(dense, avatar.sdf, faces), avatar.sdf)
+        surface = refit(reduce(dense, avatar.sdf, faces), avatar.sdf)
     costs.append(("simplify", cost))
     with measured() as cost:
         attachment, skin = skinned(surface, avatar)
@@ -163,8 +163,8 @@ def skinned(surface: Surface, avatar: Avatar) -> tuple[Attachment, Skin]:
 
 def default_surface(avatar: Avatar, resolution: int, faces: int) -> Surface:
     """The mesh that textures and poses are measured on."""
-    dense = tidy(find_surface(avatar, resolution, faces).surface).surface
-    return settle(reduce(dense, avatar.sdf, faces), avatar.sdf)
+    dense = clean(find_surface(avatar, resolution, faces).surface).surface
+    return refit(reduce(dense, avatar.sdf, faces), avatar.sdf)
 
 
 def sweep_textures(

@@ -49,7 +49,7 @@ def find_truth(
 
     Points that no step brings onto the level (the field is not smooth there) are left out.
     """
-    surface = clean(extract(sdf, bounds, ExtractConfig(resolution=resolution)))
+    surface = clean(extract(sdf, bounds, ExtractConfig(resolution=resolution))).surface
     chosen = np.random.default_rng(seed).permutation(len(surface.vertices))[:count]
     points, normals, off = project(surface.vertices[np.sort(chosen)], sdf)
     points, normals = points[off < ON_ZERO], normals[off < ON_ZERO]

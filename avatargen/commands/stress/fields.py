@@ -15,7 +15,7 @@ from assets.errors import GeometryError
 from assets.field import Field
 from assets.isosurface.adaptive import trace_adaptively
 from assets.isosurface.extract import ExtractConfig, Tracer, trace
-from assets.mesh.clean import tidy
+from assets.mesh.clean import clean
 from assets.mesh.surface import Surface, find_defects, volume
 from avatargen.commands.stress.case import Case, require
 from avatargen.errors import FieldError
@@ -36,7 +36,7 @@ def sphere(points: Tensor, radius: float = RADIUS, x: float = 0.0) -> Tensor:
 def solid(way: Tracer, field: Field, bounds: np.ndarray = BOX) -> tuple[Surface, int]:
     """The largest component, closed and manifold, and how many others there were."""
     extraction = way(field, bounds, ExtractConfig(resolution=RESOLUTION))
-    cleaning = tidy(extraction.surface)
+    cleaning = clean(extraction.surface)
     defects = find_defects(cleaning.surface)
     require(not defects, f"the surface has {defects}")
     return cleaning.surface, cleaning.dropped_components

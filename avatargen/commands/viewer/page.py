@@ -95,7 +95,7 @@ class Page:
         self.draw_on_change(self.clip, *self.angles.values())
 
     def can_turn(self, limb: Limb) -> bool:
-        return any(joint in self.people.joint_names for joint, _ in limb.turns)
+        return any(joint in self.people.joint_names for joint, _ in limb.axes)
 
     def add_view_controls(self) -> None:
         gui = self.server.gui

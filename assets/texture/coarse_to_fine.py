@@ -1,14 +1,15 @@
-"""Ask a texture's texels from coarse to fine, and leave out those of calm blocks, which follow from their
+"""Ask a texture's texels from coarse to fine, and leave out those of uniform blocks, which follow from their
 corners.
 
-    every fourth texel of every fourth row is asked, and the middles between these
-    a block of 4 x 4 is calm if its corners and its middle nearly agree, and those of all blocks around it do
-    too: its other texels are interpolated
-    what is left is asked at every second texel, and blocks of 2 x 2 are judged by their corners
+    every fourth texel of every fourth row is asked, and the middles between these a block of 4 x 4 is uniform
+    if its corners and its middle nearly agree, and so do those of all blocks around it: its other texels are
+    interpolated what is left is asked at every second texel, and blocks of 2 x 2 are judged by their corners
     what is left then is asked
 
 Cloth and skin of one colour are most of a person. What is smaller than a block and far from any other change
-can be overlooked. Letters: S texels along a side, N texels, B blocks along a side, K calm blocks, C channels.
+can be overlooked.
+
+Letters: S texels along a side, N texels, B blocks along a side, K uniform blocks, C channels.
 """
 
 from collections.abc import Callable
@@ -18,8 +19,7 @@ from jaxtyping import Bool, Int64, UInt8
 from scipy.ndimage import maximum_filter
 
 LARGEST_BLOCK = 4  # texels along a side
-CONTRAST = 3  # of 255, that the texels of a calm block may differ by
-
+CONTRAST = 3  # of 255, that the texels of a uniform block may differ by: no eye sees so little
 
 AskTexels = Callable[[Int64[np.ndarray, " N"]], UInt8[np.ndarray, "N C"]]
 
@@ -46,17 +46,18 @@ def ask_coarse_to_fine(
         if size == LARGEST_BLOCK:
             ask_missing(slice(size // 2, None, size), slice(size // 2, None, size))
             seen = [0, size // 2, size]
-        fill(texels, missing, find_calm(texels, wanted, size, seen), size)
+        fill(texels, missing, find_uniform(texels, wanted, size, seen), size)
         size //= 2
     ask_missing(slice(None), slice(None))
     return texels
 
 
-def find_calm(
+def find_uniform(
     texels: UInt8[np.ndarray, "S S C"], wanted: Bool[np.ndarray, "S S"], size: int, seen: list[int]
 ) -> Int64[np.ndarray, "K 2"]:
-    """Row and column of the first texel of each calm block, of those whose texels are all wanted. A block is
-    judged by its texels at `seen` along its diagonals, and shares its last row and column with the next."""
+    """Row and column of the first texel of each uniform block, of those whose texels are all wanted. A block
+    is judged by its texels at `seen` along its diagonals, and shares its last row and column with the
+    next."""
     count = (len(wanted) - 1) // size
     whole = blocks_of(wanted, size, count).all(axis=(2, 3))
     judged = np.stack(
@@ -68,8 +69,8 @@ def find_calm(
         ]
     )
     contrast = (judged.max(axis=0) - judged.min(axis=0)).max(axis=2)
-    busy = whole & (contrast > CONTRAST)
-    return np.argwhere(whole & (maximum_filter(busy, size=3) == 0)) * size
+    varied = whole & (contrast > CONTRAST)
+    return np.argwhere(whole & (maximum_filter(varied, size=3) == 0)) * size
 
 
 def blocks_of(texels: Bool[np.ndarray, "S S"], size: int, count: int) -> Bool[np.ndarray, "B B n n"]:
@@ -82,11 +83,11 @@ def blocks_of(texels: Bool[np.ndarray, "S S"], size: int, count: int) -> Bool[np
 def fill(
     texels: UInt8[np.ndarray, "S S C"],
     missing: Bool[np.ndarray, "S S"],
-    calm: Int64[np.ndarray, "K 2"],
+    uniform: Int64[np.ndarray, "K 2"],
     size: int,
 ) -> None:
-    """Interpolate the missing texels of calm blocks from their corners."""
-    row, column = calm.T
+    """Interpolate the missing texels of uniform blocks from their corners."""
+    row, column = uniform.T
     corners = [[texels[row + i, column + j].astype(np.float32) for j in (0, size)] for i in (0, size)]
     for i in range(size + 1):
         low, high = (corners[0][side] * (1 - i / size) + corners[1][side] * (i / size) for side in (0, 1))

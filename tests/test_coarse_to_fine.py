@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from assets.texture.calm import CONTRAST, LARGEST_BLOCK, ask_coarse_to_fine
+from assets.texture.coarse_to_fine import CONTRAST, LARGEST_BLOCK, ask_coarse_to_fine
 
 SIZE = 150  # no multiple of a block
 

@@ -1,11 +1,12 @@
 """The closest point of a triangle mesh, exactly: a bounding volume tree, searched by compiled code.
 
-The search begins at the leaf that held the face closest to the point before, which bounds the distance so
-well that what remains is to rule out the rest. All faces of a leaf are measured at once, by vector
-instructions without branches: three times as fast as libigl's tree. Of faces at one distance the first
-counts, whatever came before, so the answer does not depend on the order of the points. float64.
+The search begins at the leaf that held the face closest to the point before. That bounds the distance so well
+that little remains but to rule out the rest. So it is fastest where neighbours follow each other
+(`avatargen.mesh.morton`). All faces of a leaf are measured at once, by vector instructions without branches:
+three times as fast as libigl's tree. Of faces at one distance the first counts, whatever came before, so the
+answer does not depend on the order of the points. float64.
 
-Letters: F faces, L leaves, K faces of a leaf, M boxes of the tree, N points. Metres.
+Letters: V vertices, F faces, L leaves, K faces of a leaf, M boxes of the tree, N points. Metres.
 """
 
 import itertools
@@ -17,20 +18,22 @@ from jaxtyping import Float64, Int64
 
 from avatargen.compiled import compiled, inner
 
-LEAF = 16  # faces in a leaf: fewer than this are not worth vector instructions
-SLACK = 1 + 1e-12  # on a squared distance, so that rounding hides no face that is just as near
-DEEPEST = 64  # levels of the tree
-FLAT = 1e-14  # squared sine of the angle under which a face counts as without area
-PART = 20_000  # points that are worth a thread
-# rows of a leaf, a column a face: first corner, edges to the second and third, gradients of the barycentric
-# coordinates of these, inverse squared lengths of the three edges, 1 where it has no area
+LEAF = 16  # faces in a leaf, K: fewer are not worth vector instructions
+SLACK = 1 + 1e-12  # times a squared distance, so that rounding hides no face that is just as near
+DEEPEST = 64  # levels of the tree that a search has room for, more than any tree has
+FLAT = 1e-14  # squared sine of the angle between two edges, under which a face counts as without area
+PART = 20_000  # points that are worth a thread: some milliseconds of work
+# rows of a leaf [19 K], a column a face: its first corner; edges from there to the second and the third;
+# gradients of the barycentric coordinates of these two; one over the squared lengths of the edges between the
+# first and the second, the first and the third, the second and the third; 1 where it has no area
 CORNER, SECOND, THIRD, GRADIENT_2, GRADIENT_3, INVERSE, NO_AREA = 0, 3, 6, 9, 12, 15, 18
-# rows of what was found in a leaf: squared distance, and coordinates for the second and third corner
+# rows of what was found in a leaf [3 K]: squared distance, coordinates of the second and third corner
 SQUARED, SHARE_2, SHARE_3 = 0, 1, 2
 
 
 class ClosestPoints:
-    """A tree over the faces, built once."""
+    """The closest points of one triangle mesh, with or without holes; the tree over its faces is built
+    once."""
 
     def __init__(self, vertices: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> None:
         corners = vertices[faces]
@@ -43,7 +46,10 @@ class ClosestPoints:
     def query(
         self, points: Float64[np.ndarray, "N 3"]
     ) -> tuple[Float64[np.ndarray, " N"], Int64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-        """Squared distance, face, and the barycentric coordinates of its closest point."""
+        """Squared distance (square metres), face, and the barycentric coordinates of its closest point.
+
+        Large sets of points are divided among threads: as many as `OMP_NUM_THREADS` says, or cores there are.
+        """
         squared, face = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
         barycentric = np.empty((len(points), 3))
         given = int(os.environ.get("OMP_NUM_THREADS") or 0) or os.cpu_count() or 1
@@ -66,8 +72,12 @@ class ClosestPoints:
 def build_tree(
     low: Float64[np.ndarray, "F 3"], high: Float64[np.ndarray, "F 3"]
 ) -> tuple[Int64[np.ndarray, " F"], Float64[np.ndarray, "M 6"]]:
-    """The faces' order, halved at the median along the longest side again and again, and the boxes of a full
-    binary tree over it: box i holds boxes 2 i + 1 and 2 i + 2; the last ones hold `LEAF` faces each."""
+    """The faces' order and the boxes of a full binary tree over it, from the low and high corners of the
+    faces.
+
+    Groups of faces are halved at the median along their longest side, again and again. Box i, its low corner
+    and then its high one, holds boxes 2 i + 1 and 2 i + 2; the last L boxes hold `LEAF` faces each.
+    """
     count = len(low)
     leaves = 1 << max(0, int(np.ceil(np.log2(count / LEAF))))
     order, middle = np.arange(count), low + high
@@ -92,7 +102,7 @@ def build_tree(
 
 
 def face_rows(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 19"]:
-    """What the search needs of each face; see `CORNER` and the rest."""
+    """What the search needs of each face: the rows of a leaf as columns, see `CORNER` and the rest."""
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     uu, uv, vv = ((x * y).sum(axis=1, keepdims=True) for x, y in ((u, u), (u, v), (v, v)))
     area = uu * vv - uv * uv
@@ -106,14 +116,17 @@ def face_rows(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 1
     return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
 
+@inner(inline="always")
 def on_edge(x, y, z, ex, ey, ez, inverse):
-    """Squared distance of (x, y, z) from the edge from 0 to e, and where along it the closest point is."""
+    """Squared distance of (x, y, z) from the edge from 0 to e, and where along it (0 to 1) the closest point
+    is; `inverse` is one over the edge's squared length."""
     k = min(max((ex * x + ey * y + ez * z) * inverse, 0.0), 1.0)
     return (x - k * ex) ** 2 + (y - k * ey) ** 2 + (z - k * ez) ** 2, k
 
 
+@inner
 def on_leaf(leaf, px, py, pz, found):
-    """Fill in what is closest on each face of a leaf.
+    """Fill in `found` [3 K]: the point of each face of a leaf [19 K] that is closest to the point p.
 
     Over the face the closest point is the foot; elsewhere it lies on an edge that the point is outside of.
     Everything is computed for every face and the right one chosen, so that no branch stops the vectors.
@@ -145,38 +158,49 @@ def on_leaf(leaf, px, py, pz, found):
         found[SHARE_3, k] = t if over else share_3
 
 
+@inner(inline="always")
 def to_box(box, x, y, z):
-    """Squared distance from a box."""
+    """Squared distance of (x, y, z) from a box [6], low corner and high; 0 within."""
     dx = max(box[0] - x, x - box[3], 0.0)
     dy = max(box[1] - y, y - box[4], 0.0)
     dz = max(box[2] - z, z - box[5], 0.0)
     return dx * dx + dy * dy + dz * dz
 
 
+@inner
 def next_leaf(boxes, x, y, z, limit, waiting, distance, size):
-    """Go down to the next leaf within a squared distance, nearer side first; its number, -1 for none, and how
-    many boxes wait."""
-    inner = len(boxes) // 2
+    """Go down to the next leaf that is nearer to (x, y, z) than a squared distance `limit`, nearer side
+    first.
+
+    `waiting` and `distance` are a stack of `size` boxes to look into and their squared distances. Returns the
+    leaf's number, -1 for none, and the stack's new size.
+    """
+    first_leaf = len(boxes) // 2
     while size:
         size -= 1
         node, away = waiting[size], distance[size]
-        while node < inner and away <= limit:
+        while node < first_leaf and away <= limit:
             left = to_box(boxes[2 * node + 1], x, y, z)
             right = to_box(boxes[2 * node + 2], x, y, z)
             node = 2 * node + 1
-            away, other, beside = left, right, node + 1
+            away, other, sibling = left, right, node + 1
             if right < left:
-                away, other, node, beside = right, left, node + 1, node
+                away, other, node, sibling = right, left, node + 1, node
             if other <= limit:
-                waiting[size], distance[size] = beside, other
+                waiting[size], distance[size] = sibling, other
                 size += 1
         if away <= limit:
-            return node - inner, size
+            return node - first_leaf, size
     return -1, 0
 
 
+@compiled
 def search(leaves, order, boxes, points, squared, face, barycentric):
-    """Fill in the closest points; arrays as in `ClosestPoints`."""
+    """Fill in `squared` [N], `face` [N] and `barycentric` [N 3] of the points [N 3] closest to `points` [N
+    3].
+
+    `leaves` [L 19 K], `order` [L K] (the faces' numbers) and `boxes` [M 6] are those of `ClosestPoints`.
+    """
     waiting, distance = np.empty(DEEPEST, np.int64), np.empty(DEEPEST)
     found, home = np.empty((3, LEAF)), 0
     for i in range(len(points)):
@@ -198,9 +222,15 @@ def search(leaves, order, boxes, points, squared, face, barycentric):
         barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1 - second - third, second, third
 
 
+@compiled
 def is_inside(points, corners, normals, face, barycentric, on_edge, inside):
-    """Whether points lie behind the feature of the face that their closest point is on: the face, the edge
-    opposite a corner or a corner (seven `normals` a face, in this order); `on_edge` as in `distance`."""
+    """Fill in `inside` [N]: whether points [N 3] lie behind the feature of the face that their closest point
+    is on.
+
+    `corners` [F 3 3] of the faces; `normals` [F 7 3] of the face itself, of the edges opposite its corners
+    and of its corners; the closest points by `face` [N] and `barycentric` [N 3], where a coordinate up to
+    `on_edge` counts as 0: then the point is on the edge opposite that corner.
+    """
     for i in range(len(points)):
         f, b0, b1, b2 = face[i], barycentric[i, 0], barycentric[i, 1], barycentric[i, 2]
         zero0, zero1, zero2 = b0 <= on_edge, b1 <= on_edge, b2 <= on_edge
@@ -214,11 +244,3 @@ def is_inside(points, corners, normals, face, barycentric, on_edge, inside):
             foot = b0 * corners[f, 0, d] + b1 * corners[f, 1, d] + b2 * corners[f, 2, d]
             across += (points[i, d] - foot) * normals[f, on, d]
         inside[i] = across < 0
-
-
-on_edge = inner(on_edge, inline="always")
-on_leaf = inner(on_leaf)
-to_box = inner(to_box, inline="always")
-next_leaf = inner(next_leaf)
-search = compiled(search)
-is_inside = compiled(is_inside)

@@ -18,20 +18,20 @@ from assets.mesh.surface import Surface, compact, directed_edges, opposite_edges
 ROUNDS = 4
 
 
-def mend(surface: Surface) -> Surface:
+def repair(surface: Surface) -> Surface:
     """A surface without open, crowded or twisted edges and without vertices that several fans share.
 
     Nothing is promised about the area or the orientation of what is left, nor about the number of components.
     """
     for _ in range(ROUNDS):
-        surface = split_vertices(cut_out(surface))
-        surface = cap(surface)
+        surface = split_vertices(remove_bad_faces(surface))
+        surface = fill_holes(surface)
         if (opposite_edges(surface.faces, len(surface.vertices)) >= 0).all():
             break
     return surface
 
 
-def cut_out(surface: Surface) -> Surface:
+def remove_bad_faces(surface: Surface) -> Surface:
     """Without the faces at crowded or twisted edges, and those that name a vertex twice. Open edges may
     stay."""
     faces = surface.faces
@@ -56,20 +56,20 @@ def fans(surface: Surface) -> Int64[np.ndarray, " E"]:
     """For each corner, in the order of `faces`, the number of the fan it belongs to."""
     twin = opposite_edges(surface.faces, len(surface.vertices))
     edge = np.flatnonzero(twin >= 0)
-    rows = np.concatenate([edge, following(edge)])  # the corners at an edge's start and end ...
+    rows = np.concatenate([edge, next_edge(edge)])  # the corners at an edge's start and end ...
     # ... are those at its opposite's end and start
-    columns = np.concatenate([following(twin[edge]), twin[edge]])
+    columns = np.concatenate([next_edge(twin[edge]), twin[edge]])
     size = surface.faces.size
     graph = coo_array((np.ones(len(rows), dtype=bool), (rows, columns)), shape=(size, size))
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def following(edge: Int64[np.ndarray, " E"]) -> Int64[np.ndarray, " E"]:
+def next_edge(edge: Int64[np.ndarray, " E"]) -> Int64[np.ndarray, " E"]:
     """The next edge of the same face."""
     return edge - edge % 3 + (edge + 1) % 3
 
 
-def cap(surface: Surface) -> Surface:
+def fill_holes(surface: Surface) -> Surface:
     """Close every rim with faces to a new vertex in its middle."""
     count = len(surface.vertices)
     edges = directed_edges(surface.faces)[opposite_edges(surface.faces, count) < 0]
