@@ -64,13 +64,12 @@ def test_only_what_decides_moves_and_a_second_time_nothing(name: str, value: str
         "hat": {"hat_a", "hat_b", "hat_c"},
         "top": {"collar_a", "collar_b", "outer_a"},
         "sleeves": {"sleeve", "thickness", "collar_a", "collar_b", "outer_a"},
-        "top_color": {"top", "outer_a"},
+        "top_color": {"top", "outer_a", "pattern_a", "pattern_b", "pattern_c"},
         "bottom": {"woman", "bottom_a", "bottom_b"},
         "bottom_color": {"bottom", "bottom_a", "bottom_b"},
         "outer": {"outer_a", "outer_b"},
         "outer_color": {"outer", "outer_a"},
         "shoes": {"shoe_a", "shoe_b"},
-        "shoe_color": {"shoe"},
     }[name]
     may_move = {coordinate(each) for each in deciding}
     if name.endswith("_color") and name != "hair_color":
@@ -167,7 +166,6 @@ def test_palettes_are_the_garments_own():
     for name, colors in (
         ("top", people.colour("top")),
         ("outer", garments.outer_colour(people)),
-        ("shoe", garments.shoe_colour(people)),
     ):
         normal = people.z[:, PALETTES[name].coordinates].double().numpy()
         np.testing.assert_allclose(PALETTES[name].colours(normal), colors[:, 0], atol=1e-5)

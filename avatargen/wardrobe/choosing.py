@@ -31,7 +31,6 @@ VALUES: dict[str, tuple[str, ...]] = {
     "outer": ("none", "jacket", "coat"),
     "outer_color": ("black", "grey", "brown", "beige", "green", "purple"),
     "shoes": ("sneakers", "boots", "flats", "leather"),
-    "shoe_color": ("black", "grey", "brown", "beige", "green", "blue", "purple", "pink"),
 }
 HEIGHT = "height"  # the one trait that is a number
 WORN_BY = {  # what only women or only men have in this wardrobe
@@ -73,7 +72,6 @@ class Traits:
     outer: str | None = None
     outer_color: str | None = None
     shoes: str | None = None
-    shoe_color: str | None = None
 
     def __post_init__(self) -> None:
         for name, value in self.given().items():

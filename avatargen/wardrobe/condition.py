@@ -2,7 +2,7 @@
 
 Signs turn, a measure outside the wanted interval takes its own rank's place within it, a colour goes to the
 nearest one of the wanted name; what already is as wanted stays. What is named is seen: hair takes the hat
-off, a top takes the jacket off, where these were not named.
+off, a top takes the jacket off, where these were not named; a top of a named colour is plain.
 
 Letters: Z latent size. A rule names coordinates with the sign or the interval of the measure that they must
 have; a trait's value has one or several rules, of which the nearest is taken.
@@ -29,9 +29,12 @@ Rule = dict[str, Wanted]
 
 LEAST = 0.1  # of a named choice's coordinate, so that nobody is in between
 FARTHEST = 1e-4  # rank from either end that no measure is moved beyond
-CLEAR = 9.0  # L*a*b* by which a named colour is nearer to its own name than to any other
+CLEAR = 14.0  # L*a*b* by which a named colour is nearer to its own name than to any other, or
+CLEAREST = 0.75  # this share of what the palette has at most: weights miss a colour by some 7
 HAIR = ("hair_a", "hair_b", "hair_c")
 HAT = ("hat_a", "hat_b", "hat_c")
+PATTERN = ("pattern_a", "pattern_b", "pattern_c")
+PLAIN = (0, 1, 2)  # of the patterns' codes
 BEARD, SHOE, COLLAR = ("beard_a", "beard_b"), ("shoe_a", "shoe_b"), ("collar_a", "collar_b")
 WOMEN_HAIR = {"bob": (0, 5), "long": (1, 4), "bun": (2,), "ponytail": (3,), "short": (6,), "afro": (7,)}
 MEN_HAIR = {"cropped": (0,), "short": (1, 2, 3, 4), "afro": (5,), "long": (6,), "bald": (7,)}
@@ -146,6 +149,8 @@ def body_rules(traits: Traits) -> Iterator[list[Rule]]:
         yield [{"collar_b": True}]  # an open front
     if traits.top:
         yield top_rules(traits.top)
+    if traits.top_color:
+        yield [bits(PATTERN, code) for code in PLAIN]
     if traits.sleeves:
         yield sleeve_rules(traits.sleeves)
 
@@ -234,7 +239,6 @@ def colours_of(traits: Traits, normal: Float64[np.ndarray, " Z"]) -> Iterator[tu
         ("top", traits.top_color),
         ("skirt" if skirt else "trousers", traits.bottom_color),
         ("outer", traits.outer_color),
-        ("shoe", traits.shoe_color),
     )
     for name, color in named:
         if color is not None:
@@ -245,24 +249,25 @@ def nearest_colour(
     palette: Palette, color: str, normal: Float64[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "3"]:
     """The coordinates nearest to a colour's own whose colour has the wanted name without doubt."""
-    if clear_names(palette.colours(normal[None]))[0] == color:
+    there, least = named_part(palette, color)
+    if lead(palette, color, normal[None])[0] >= least:
         return normal
-    grid, names = named_grid(palette)
-    there = grid[names == color]
     return there[((there - normal) ** 2).sum(axis=1).argmin()]
 
 
 @cache
-def named_grid(palette: Palette) -> tuple[Float64[np.ndarray, "G 3"], np.ndarray]:
-    """Coordinates over the whole of a palette, and the names of their colours; empty where in doubt."""
+def named_part(palette: Palette, color: str) -> tuple[Float64[np.ndarray, "G 3"], float]:
+    """Coordinates all over the part of a palette that has a name without doubt, and how clear they are."""
     lightness = ndtri(torch.linspace(0.02, 0.98, 49, dtype=torch.float64)).numpy()
     axis = np.linspace(-1.9, 1.9, 20)
     grid = np.array(list(itertools.product(lightness, axis, axis)))
-    return grid, clear_names(palette.colours(grid))
+    clear = lead(palette, color, grid)
+    least = min(CLEAR, CLEAREST * float(clear.max()))
+    return grid[clear >= least], least
 
 
-def clear_names(rgb: Float64[np.ndarray, "N 3"]) -> np.ndarray:
-    """The colours' names; empty where another name is nearly as near."""
-    apart = distances(rgb)
-    first, second = np.sort(apart, axis=1)[:, :2].T
-    return np.where(second - first > CLEAR, np.array(NAMES)[apart.argmin(axis=1)], "")
+def lead(palette: Palette, color: str, normal: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+    """How much nearer each place's colour is to the name than to any other, L*a*b*; else below 0."""
+    apart = distances(palette.colours(normal))
+    own = NAMES.index(color)
+    return np.delete(apart, own, axis=1).min(axis=1) - apart[:, own]

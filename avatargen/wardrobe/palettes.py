@@ -35,5 +35,4 @@ PALETTES = {  # as `garments.py` has them
     "trousers": Palette(name="bottom", low=0.05, high=0.75, chroma=0.10),
     "skirt": Palette(name="bottom", low=0.08, high=0.85),
     "outer": Palette(name="outer", low=0.06, high=0.80, chroma=0.12),
-    "shoe": Palette(name="shoe", low=0.05, high=0.85, chroma=0.14),
 }
