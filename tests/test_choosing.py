@@ -41,7 +41,7 @@ def drawn(seed: int) -> torch.Tensor:
 @pytest.mark.parametrize(("name", "value"), EVERY)
 def test_a_chosen_trait_is_what_the_coding_then_says(name: str, value: str):
     for seed in range(PEOPLE):
-        z = condition(drawn(seed), Traits(**{name: value}))
+        z = condition(drawn(seed), traits_of({name: value}))
         found = describe(People(z), 1.7).facts()
         said = found["age_years"] if name == "age" else found[name]
         if name == "age":
@@ -76,10 +76,10 @@ def test_only_what_decides_moves_and_a_second_time_nothing(name: str, value: str
         may_move |= {coordinate(name.removesuffix("_color")) + i for i in (1, 2)}
     for seed in range(PEOPLE):
         z = drawn(seed)
-        once = condition(z, Traits(**{name: value}))
+        once = condition(z, traits_of({name: value}))
         moved = set(torch.nonzero(once[0] != z[0])[:, 0].tolist())
         assert moved <= may_move, f"seed {seed}"
-        assert torch.equal(condition(once, Traits(**{name: value})), once)
+        assert torch.equal(condition(once, traits_of({name: value})), once)
         if describe(People(z), 1.7).facts().get(name) == value and name in ("gender", "beard", "shoes"):
             assert (once - z).abs().max() <= 0.1  # who has it already keeps it
 
@@ -138,7 +138,7 @@ def test_all_pairs_that_are_accepted_are_had_at_once():
             if first[0] == second[0]:
                 continue
             try:
-                wanted = Traits(**dict([first, second]))
+                wanted = traits_of(dict([first, second]))
             except InputError:
                 continue
             accepted += 1
@@ -248,7 +248,7 @@ def test_a_layer_of_usd_tells_them_too(sampler: AvatarSampler):
     from exporters.usd import describe_source
 
     info = asset_info(sampler.sample(13))
-    layer = Sdf.Layer.CreateAnonymous()
+    layer = Sdf.Layer.CreateAnonymous()  # pyright: ignore[reportAttributeAccessIssue]
     describe_source(layer, info)
     told = layer.customLayerData["avatargen"]
     assert told["attributes"] == {name: value for name, value in info.facts if value is not None}

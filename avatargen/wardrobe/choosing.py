@@ -27,13 +27,13 @@ VALUES: dict[str, tuple[str, ...]] = {
     "top_color": ("black", "grey", "white", "brown", "beige", "green", "teal", "blue", "purple", "pink"),
     "sleeves": ("none", "short", "long"),
     "bottom": ("trousers", "jeans", "shorts", "skirt", "dress"),
-    "bottom_color": ("black", "grey", "brown", "green"),
+    "bottom_color": ("black", "grey", "brown"),
     "outer": ("none", "jacket", "coat"),
     "outer_color": ("black", "grey", "brown", "beige", "green", "purple"),
     "shoes": ("sneakers", "boots", "flats", "leather"),
 }
 HEIGHT = "height"  # the one trait that is a number
-WORN_BY = {  # what only women or only men have in this wardrobe
+WORN_BY: dict[tuple[str, str | float], str] = {  # what only women or only men have in this wardrobe
     ("hair", "bald"): "man",
     ("hair", "cropped"): "man",
     ("hair", "bob"): "woman",
@@ -182,6 +182,16 @@ def check_one_sex(traits: Traits) -> None:
                 f"{traits.told(first)} and {traits.told(second)}: {traits.told(only)} is for {sex} alone; "
                 "leave out one of them"
             )
+
+
+def worn_by(name: str) -> str:
+    """Which of a trait's values only women or only men have, in words; empty where everybody has all."""
+    told = []
+    for sex, plural in (("woman", "women"), ("man", "men")):
+        values = [value for value in VALUES[name] if WORN_BY.get((name, value)) == sex]
+        if values:
+            told.append(f"{', '.join(values)}: {plural} alone")
+    return "; ".join(told)
 
 
 def shown(name: str) -> str:

@@ -21,7 +21,7 @@ from torch.special import ndtr, ndtri
 from avatargen.errors import InputError
 from avatargen.wardrobe.attributes import coordinate
 from avatargen.wardrobe.choosing import SEEN_UNDER_A_HAT, WORN_BY, Traits
-from avatargen.wardrobe.colour_names import NAMES, distances
+from avatargen.wardrobe.colour_names import NAMES, distances, lab
 from avatargen.wardrobe.palettes import PALETTES, Palette
 
 Wanted = bool | tuple[float, float]
@@ -30,6 +30,7 @@ Rule = dict[str, Wanted]
 LEAST = 0.1  # of a named choice's coordinate, so that nobody is in between
 FARTHEST = 1e-4  # rank from either end that no measure is moved beyond
 CLEAR = 14.0  # L*a*b* by which a named colour is nearer to its own name than to any other, or
+DARKEST = 32.0  # L* of a named colour but black: weights make darker ones look black
 CLEAREST = 0.75  # this share of what the palette has at most: weights miss a colour by some 7
 HAIR = ("hair_a", "hair_b", "hair_c")
 HAT = ("hat_a", "hat_b", "hat_c")
@@ -56,7 +57,8 @@ def bits(names: tuple[str, ...], number: int) -> Rule:
 
 def bare_head() -> list[Rule]:
     """Without a hat: one of three choices is enough."""
-    return [{name: False} for name in HAT]
+    rules: list[Rule] = [{name: False} for name in HAT]
+    return rules
 
 
 def hair_rules(style: str) -> list[Rule]:
@@ -82,7 +84,8 @@ def outer_rules(outer: str) -> list[Rule]:
 
 def beard_rules(beard: str) -> list[Rule]:
     number = {"none": 0, "stubble": 1, "full": 3}[beard]
-    return [{"woman": True}] * (number == 0) + [{"woman": False} | bits(BEARD, number)]
+    rules: list[Rule] = [{"woman": False} | bits(BEARD, number)]
+    return [{"woman": True}, *rules] if beard == "none" else rules
 
 
 def hair_color_rules(color: str) -> list[Rule]:
@@ -268,6 +271,7 @@ def named_part(palette: Palette, color: str) -> tuple[Float64[np.ndarray, "G 3"]
 
 def lead(palette: Palette, color: str, normal: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
     """How much nearer each place's colour is to the name than to any other, L*a*b*; else below 0."""
-    apart = distances(palette.colours(normal))
-    own = NAMES.index(color)
-    return np.delete(apart, own, axis=1).min(axis=1) - apart[:, own]
+    rgb = palette.colours(normal)
+    apart, own = distances(rgb), NAMES.index(color)
+    nearer = np.delete(apart, own, axis=1).min(axis=1) - apart[:, own]
+    return np.where((lab(rgb)[:, 0] > DARKEST) | (color == "black"), nearer, -np.inf)

@@ -14,12 +14,18 @@ from typing import TYPE_CHECKING
 
 from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
 from avatargen.errors import InputError
-from avatargen.wardrobe.choosing import HEIGHT, SHORTEST, TALLEST, VALUES, WORN_BY, Traits, shown
+from avatargen.wardrobe.choosing import HEIGHT, SHORTEST, TALLEST, VALUES, WORN_BY, shown, traits_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 PROGRAM = "avatargen traits"
+DESCRIPTION = "List what one may choose of a person; with --show, draw one seed with each value of a trait."
+EXAMPLES = """\
+examples:
+  avatargen traits
+  avatargen traits --show hair --seed 3 --out hair.jpg
+"""
 HEAD = ("hair", "hair_color", "beard", "hat")  # shown from close by
 HEIGHTS = (1.50, 1.65, 1.80, 1.95)  # m, of those shown for the height
 PIXELS = 320
@@ -30,7 +36,7 @@ PICTURES = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     def command() -> None:
-        parser = OneLineParser(PROGRAM, description=__doc__.splitlines()[0], examples=__doc__)
+        parser = OneLineParser(PROGRAM, description=DESCRIPTION, examples=EXAMPLES)
         names = [HEIGHT, *map(shown, VALUES)]
         parser.add_argument("--show", choices=names, help="draw one seed with each value of this trait")
         parser.add_argument("--seed", type=whole_number(0, LARGEST_SEED), default=3, help="whom (3)")
@@ -85,7 +91,7 @@ def sheet(name: str, seed: int) -> "Image":
     generator, people = avatargen.load_generator(), []
     view = "face" if name in HEAD else "front"
     for value in HEIGHTS if name == HEIGHT else VALUES[name]:
-        avatar = generator.sample(seed, traits=Traits(**{name: value}))
+        avatar = generator.sample(seed, traits=traits_of({name: value}))
         asset = build(avatar, BuildConfig(resolution=256, faces=8_000, texture=512))
         tall = PIXELS if view == "face" else round(PIXELS * float(np.ptp(asset.vertices[:, 1])) / 2)
         picture = render(asset, PreviewConfig(height=tall, views=(view,)))
