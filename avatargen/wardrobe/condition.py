@@ -57,8 +57,7 @@ def bits(names: tuple[str, ...], number: int) -> Rule:
 
 def bare_head() -> list[Rule]:
     """Without a hat: one of three choices is enough."""
-    rules: list[Rule] = [{name: False} for name in HAT]
-    return rules
+    return [bits((name,), 0) for name in HAT]
 
 
 def hair_rules(style: str) -> list[Rule]:
@@ -68,14 +67,15 @@ def hair_rules(style: str) -> list[Rule]:
 
 
 def bottom_rules(bottom: str) -> list[Rule]:
-    woman, man = {"woman": True}, {"woman": False}
-    return {
+    woman, man = bits(("woman",), 1), bits(("woman",), 0)
+    rules: dict[str, list[Rule]] = {
         "trousers": [woman | {"bottom_a": False, "bottom_b": False}, man | {"bottom_b": False}],
         "jeans": [{"bottom_a": False, "bottom_b": True}],
         "shorts": [man | {"bottom_a": True, "bottom_b": True}],
         "skirt": [woman | {"bottom_a": True, "bottom_b": False}],
         "dress": [woman | {"bottom_a": True, "bottom_b": True}],
-    }[bottom]
+    }
+    return rules[bottom]
 
 
 def outer_rules(outer: str) -> list[Rule]:
