@@ -17,7 +17,7 @@ from avatargen.errors import InputError
 SHORTEST, TALLEST = 1.40, 2.10  # m: taller or shorter than that bodies stop looking like people's
 VALUES: dict[str, tuple[str, ...]] = {
     "gender": ("woman", "man"),
-    "age": ("young", "middle", "old"),
+    "age": ("young", "old"),
     "skin": ("light", "medium", "brown", "dark"),
     "hair": ("bald", "cropped", "short", "bob", "long", "bun", "ponytail", "afro"),
     "hair_color": ("black", "brown", "blond", "grey"),
@@ -102,7 +102,7 @@ class Traits:
             (hidden and self.hair_color, "hair_color", "hat", "the hat hides the hair"),
             (self.hair == "bald" and self.hair_color, "hair", "hair_color", "there is no hair to colour"),
             (
-                self.age in ("young", "middle") and self.hair_color == "grey",
+                self.age and self.hair_color and (self.age == "old") != (self.hair_color == "grey"),
                 "age",
                 "hair_color",
                 "hair goes grey with age",

@@ -40,7 +40,7 @@ BEARD, SHOE, COLLAR = ("beard_a", "beard_b"), ("shoe_a", "shoe_b"), ("collar_a",
 WOMEN_HAIR = {"bob": (0, 5), "long": (1, 4), "bun": (2,), "ponytail": (3,), "short": (6,), "afro": (7,)}
 MEN_HAIR = {"cropped": (0,), "short": (1, 2, 3, 4), "afro": (5,), "long": (6,), "bald": (7,)}
 MEASURED = {  # intervals of a measure's rank
-    "age": {"young": (0.0, 0.3), "middle": (0.36, 0.64), "old": (0.72, 1.0)},
+    "age": {"young": (0.0, 0.3), "old": (0.9, 1.0)},
     "skin": {"light": (0.0, 0.25), "medium": (0.32, 0.52), "brown": (0.6, 0.76), "dark": (0.86, 1.0)},
 }
 MEASURE_OF = {"age": "age", "skin": "skin_light"}
