@@ -57,7 +57,7 @@ class AvatarInfo:
     attributes: Attributes | None = None
 
     @property
-    def facts(self) -> tuple[tuple[str, str | int | float | None], ...]:
+    def facts(self) -> tuple[tuple[str, str | int | float], ...]:
         """The attributes as names and values, as files hold them."""
         return tuple(self.attributes.facts().items()) if self.attributes else ()
 

@@ -264,10 +264,10 @@ def read_info(header: Any) -> AssetInfo:
     )
 
 
-def read_facts(found: Any) -> tuple[tuple[str, str | int | float | None], ...]:
+def read_facts(found: Any) -> tuple[tuple[str, str | int | float], ...]:
     """A person's attributes; those that are no words or numbers are left out."""
     pairs = found.items() if isinstance(found, dict) else ()
-    return tuple((str(name), value) for name, value in pairs if isinstance(value, str | int | float | None))
+    return tuple((str(name), value) for name, value in pairs if isinstance(value, str | int | float))
 
 
 def item(items: Any, number: Any) -> Any:

@@ -113,14 +113,9 @@ def describe_source(layer: Sdf.Layer, info: AssetInfo) -> None:
             "licence": info.licence,
             "betas": Vt.DoubleArray([round(float(beta), 6) for beta in info.betas]),
             **({} if info.height_m is None else {"height_m": round(info.height_m, 4)}),
-            **({"attributes": known_facts(info)} if info.facts else {}),
+            **({"attributes": dict(info.facts)} if info.facts else {}),
         },
     }
-
-
-def known_facts(info: AssetInfo) -> dict[str, str | int | float]:
-    """A person's attributes but for those that are None, which USD does not know."""
-    return {name: value for name, value in info.facts if value is not None}
 
 
 def joint_paths(skeleton: Skeleton) -> list[str]:

@@ -26,7 +26,7 @@ from tests.generators import random_generator
 from tests.tube import tube
 
 EVERY = [(name, value) for name, values in VALUES.items() for value in values]
-PEOPLE = 60
+PEOPLE = 40
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_a_chosen_trait_is_what_the_coding_then_says(name: str, value: str):
     for seed in range(PEOPLE):
         z = condition(drawn(seed), traits_of({name: value}))
         found = describe(People(z), 1.7).facts()
-        said = found["age_years"] if name == "age" else found[name]
+        said = found["age_years"] if name == "age" else found.get(name)
         if name == "age":
             low, high = {"young": (18, 40), "old": (65, 90)}[value]
             assert isinstance(said, int) and low <= said <= high
@@ -68,7 +68,7 @@ def test_only_what_decides_moves_and_a_second_time_nothing(name: str, value: str
         "bottom": {"woman", "bottom_a", "bottom_b"},
         "bottom_color": {"bottom", "bottom_a", "bottom_b"},
         "outer": {"outer_a", "outer_b"},
-        "outer_color": {"outer", "outer_a"},
+        "outer_color": {"outer", "outer_a", "outer_b"},
         "shoes": {"shoe_a", "shoe_b"},
     }[name]
     may_move = {coordinate(each) for each in deciding}
@@ -81,7 +81,7 @@ def test_only_what_decides_moves_and_a_second_time_nothing(name: str, value: str
         assert moved <= may_move, f"seed {seed}"
         assert torch.equal(condition(once, traits_of({name: value})), once)
         if describe(People(z), 1.7).facts().get(name) == value and name in ("gender", "beard", "shoes"):
-            assert (once - z).abs().max() <= 0.1  # who has it already keeps it
+            assert torch.equal(once, z)  # who has it already stays the same
 
 
 def test_a_person_who_is_as_wanted_stays_the_same():
@@ -109,8 +109,8 @@ def test_ranks_keep_their_order_within_the_interval():
         ({"beard": "full", "hair": "bun"}, "for women alone|for men alone"),
         ({"hair": "bald", "hair_color": "black"}, "no hair to colour"),
         ({"hat": "beanie", "hair": "afro"}, "the hat hides the hair"),
-        ({"bottom": "dress", "bottom_color": "blue"}, "a dress has top_color"),
-        ({"outer": "none", "outer_color": "blue"}, "nothing to colour"),
+        ({"bottom": "dress", "bottom_color": "black"}, "a dress has top_color"),
+        ({"outer": "none", "outer_color": "black"}, "nothing to colour"),
         ({"age": "young", "hair_color": "grey"}, "hair goes grey with age"),
         ({"age": "old", "hair_color": "blond"}, "hair goes grey with age"),
         ({"top": "turtleneck", "sleeves": "short"}, "long sleeves"),
@@ -145,7 +145,7 @@ def test_all_pairs_that_are_accepted_are_had_at_once():
             accepted += 1
             found = describe(People(condition(drawn(accepted), wanted)), 1.7).facts()
             for name, value in (first, second):
-                assert name == "age" or found[name] == value, (first, second)
+                assert name == "age" or found.get(name) == value, (first, second)
     assert accepted > 1000
 
 
@@ -159,7 +159,7 @@ def test_colours_have_the_names_of_the_nearest_known_ones():
         assert {colour_name(np.array(color)) for color in colors} == {name}
     reference = {(1, 1, 1): (100, 0, 0), (0, 0, 0): (0, 0, 0), (1, 0, 0): (53.24, 80.09, 67.20)}
     for rgb, expected in reference.items():
-        np.testing.assert_allclose(lab(np.array([rgb]))[0], expected, atol=0.02)
+        np.testing.assert_allclose(lab(np.array([rgb], dtype=float))[0], expected, atol=0.02)
 
 
 def test_palettes_are_the_garments_own():
@@ -195,7 +195,7 @@ def test_a_sampled_person_has_the_traits_and_is_the_same_again(sampler: AvatarSa
     assert np.array_equal(first.betas, again.betas)
     said = first.attributes
     assert said is not None and (said.gender, said.hair, said.bottom) == ("woman", "long", "dress")
-    assert first.height == said.height_m == pytest.approx(1.7, abs=1e-4)
+    assert first.height == pytest.approx(1.7, abs=1e-5) and said.height_m == 1.7
     plain = sampler.sample(3)
     assert plain.attributes is not None and plain.attributes.skin == said.skin
     assert said.shoe_color == plain.attributes.shoe_color
@@ -252,7 +252,7 @@ def test_a_layer_of_usd_tells_them_too(sampler: AvatarSampler):
     layer = Sdf.Layer.CreateAnonymous()  # pyright: ignore[reportAttributeAccessIssue]
     describe_source(layer, info)
     told = layer.customLayerData["avatargen"]
-    assert told["attributes"] == {name: value for name, value in info.facts if value is not None}
+    assert told["attributes"] == dict(info.facts)
     assert told["height_m"] == pytest.approx(info.height_m, abs=1e-4)
 
 

@@ -32,7 +32,7 @@ class AssetInfo:
     licence: str
     betas: tuple[float, ...] = ()
     height_m: float | None = None  # of the body, crown of the head to the soles
-    facts: tuple[tuple[str, str | int | float | None], ...] = ()  # the person's attributes, name and value
+    facts: tuple[tuple[str, str | int | float], ...] = ()  # the person's attributes, name and value
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -136,12 +136,12 @@ def traits_of(found: Mapping[str, object]) -> Traits:
             near = difflib.get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]}?" if near else "avatargen traits lists them"
             raise InputError(f"traits: found {key!r}, which is no trait; {hint}")
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if number if name != HEIGHT else not number:
+        if name == HEIGHT and isinstance(value, int | float) and not isinstance(value, bool):
+            chosen[name] = float(value)
+        elif name != HEIGHT and isinstance(value, str):
+            chosen[name] = value
+        else:
             raise InputError(f"{shown(name)}: found {value!r}, wanted {wanted(name)}")
-        if not isinstance(value, str | int | float):
-            raise InputError(f"{shown(name)}: found {value!r}, wanted {wanted(name)}")
-        chosen[name] = float(value) if number else value
     return Traits(**chosen)  # pyright: ignore[reportArgumentType]
 
 

@@ -27,7 +27,7 @@ from avatargen.wardrobe.palettes import PALETTES, Palette
 Wanted = bool | tuple[float, float]
 Rule = dict[str, Wanted]
 
-LEAST = 0.1  # of a named choice's coordinate, so that nobody is in between
+LEAST = 0.1  # of a coordinate whose sign turns, so that nobody is in between
 FARTHEST = 1e-4  # rank from either end that no measure is moved beyond
 CLEAR = 14.0  # L*a*b* by which a named colour is nearer to its own name than to any other, or
 DARKEST = 32.0  # L* of a named colour but black: weights make darker ones look black
@@ -224,7 +224,7 @@ def moved(normal: float, wanted: Wanted) -> float:
     """
     if isinstance(wanted, bool):
         side = 1.0 if wanted else -1.0
-        return normal if normal * side >= LEAST else side * max(abs(normal), LEAST)
+        return normal if normal * side > 0 else side * max(abs(normal), LEAST)
     low, high = wanted
     rank = float(ndtr(torch.tensor(normal, dtype=torch.float64)))
     if low <= rank <= high:

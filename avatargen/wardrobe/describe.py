@@ -51,9 +51,9 @@ class Attributes:
         if not 0.1 < self.height_m < 10:  # also catches NaN
             raise InputError(f"attributes: a person of {self.height_m:g} m; heights are in metres")
 
-    def facts(self) -> dict[str, str | int | float | None]:
-        """Names and values, as reports and files hold them."""
-        return asdict(self)
+    def facts(self) -> dict[str, str | int | float]:
+        """Names and values, as reports and files hold them, without those that are None."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 def people_of(z: Float[Tensor, "B Z"]) -> People:
