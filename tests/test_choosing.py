@@ -1,5 +1,6 @@
 """Choosing people by traits: what moves in the latent, what stays, what is refused, and what files tell."""
 
+import itertools
 import json
 from dataclasses import fields, replace
 from pathlib import Path
@@ -131,22 +132,20 @@ def test_what_cannot_be_is_refused_in_one_sentence(chosen: dict[str, object], wh
     assert "\n" not in str(refused.value) and len(str(refused.value)) < 200
 
 
-def test_all_pairs_that_are_accepted_are_had_at_once():
-    """No pair of traits is accepted and then not given, and none ends in a failure."""
+def test_pairs_that_are_accepted_are_had_at_once():
+    """No pair of traits is accepted and then not given, and none ends in a failure; every fifth pair."""
     accepted = 0
-    for i, first in enumerate(EVERY):
-        for second in EVERY[i + 1 :]:
-            if first[0] == second[0]:
-                continue
-            try:
-                wanted = traits_of(dict([first, second]))
-            except InputError:
-                continue
-            accepted += 1
-            found = describe(People(condition(drawn(accepted), wanted)), 1.7).facts()
-            for name, value in (first, second):
-                assert name == "age" or found.get(name) == value, (first, second)
-    assert accepted > 1000
+    pairs = [pair for pair in itertools.combinations(EVERY, 2) if pair[0][0] != pair[1][0]]
+    for first, second in pairs[::5]:
+        try:
+            wanted = traits_of(dict([first, second]))
+        except InputError:
+            continue
+        accepted += 1
+        found = describe(People(condition(drawn(accepted), wanted)), 1.7).facts()
+        for name, value in (first, second):
+            assert name == "age" or found.get(name) == value, (first, second)
+    assert accepted > 200
 
 
 def test_names_are_those_of_the_dataclass():
@@ -266,3 +265,18 @@ def test_traits_come_from_a_file(tmp_path: Path):
             read_traits(path)
     with pytest.raises(InputError, match="cannot be read"):
         read_traits(tmp_path / "none.json")
+
+
+def test_the_shipped_weights_show_the_colour_that_was_named(sampler: AvatarSampler):
+    """On the clothed chest, found by steps of the signed distance; bare skin under a deep neck aside."""
+    x, y, z = sampler.body.vertices.T
+    chest = torch.from_numpy(sampler.body.vertices[(abs(x) < 0.12) & (y > 0.18) & (y < 0.36) & (z > 0.05)])
+    names = VALUES["top_color"]
+    seen = []
+    for seed in range(4):
+        for name in names:
+            avatar, points = sampler.sample(seed, traits={"top_color": name}), chest.clone()
+            for _ in range(6):
+                points[:, 2] -= avatar.sdf(points)
+            seen.append(colour_name(avatar.color(points).double().median(dim=0).values.numpy()) == name)
+    assert np.mean(seen) >= 0.9

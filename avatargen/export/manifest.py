@@ -134,7 +134,9 @@ def parse_row(line: bytes) -> Row | None:
     if not all(map(is_number, (found["error_mm"] or {}).values())):
         return None
     error_mm = found["error_mm"] and {name: float(value) for name, value in found["error_mm"].items()}
-    return Row(**found | {"seconds": float(found["seconds"]), "error_mm": error_mm})
+    height_m = None if found["height_m"] is None else float(found["height_m"])
+    seconds = float(found["seconds"])
+    return Row(**found | {"seconds": seconds, "error_mm": error_mm, "height_m": height_m})
 
 
 def is_number(value: object) -> bool:
