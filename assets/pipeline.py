@@ -136,6 +136,8 @@ def asset_info(avatar: AvatarFields) -> AssetInfo:
         version=info.version,
         licence=info.licence,
         betas=tuple(float(beta) for beta in avatar.betas),
+        height_m=info.height_m,
+        facts=info.facts,
     )
 
 

@@ -16,16 +16,26 @@ if TYPE_CHECKING:
     from avatargen.export.many import export_many
     from avatargen.export.one import export_avatar
     from avatargen.export.request import ExportRequest
+    from avatargen.wardrobe.choosing import Traits
 
 __version__ = "0.1.0"
 MODULE_OF = {
     "Avatar": "avatar",
     "ExportRequest": "export.request",
+    "Traits": "wardrobe.choosing",
     "export_avatar": "export.one",
     "export_many": "export.many",
     "load_generator": "avatar",
 }
-__all__ = ["Avatar", "ExportRequest", "__version__", "export_avatar", "export_many", "load_generator"]
+__all__ = [
+    "Avatar",
+    "ExportRequest",
+    "Traits",
+    "__version__",
+    "export_avatar",
+    "export_many",
+    "load_generator",
+]
 
 
 def __getattr__(name: str) -> object:

@@ -6,7 +6,7 @@ Canonical space: X-pose, betas 0, metres, y up, facing +z. Letters: N points, D 
 shape.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from avatargen import __version__
 from avatargen.body.distance import BodyDistance
 from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
-from avatargen.body.model import Body, CanonicalBody, canonical_body
+from avatargen.body.model import Body, CanonicalBody, canonical_body, shape
 from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
 from avatargen.generator.checkpoint import load_checkpoint
@@ -32,6 +32,11 @@ from avatargen.generator.planes import plane_table
 from avatargen.mesh.morton import morton_order
 from avatargen.shipped import shipped
 from avatargen.threads import spread
+from avatargen.wardrobe.attributes import CODING
+from avatargen.wardrobe.choosing import Traits, traits_of
+from avatargen.wardrobe.condition import condition
+from avatargen.wardrobe.describe import Attributes, describe, people_of
+from avatargen.wardrobe.stature import MEAN_PERSON, Sizing, stature
 
 LARGEST_SEED = 2**63 - 1
 CPU_CHUNK = 1 << 13  # points that go through the network at once: stays in a core's cache
@@ -43,12 +48,19 @@ BOX_MARGIN = 0.05  # metres around the body that an avatar's box always has
 
 @dataclass(frozen=True, kw_only=True)
 class AvatarInfo:
-    """Where an avatar comes from."""
+    """Where an avatar comes from, and who it is where that is known."""
 
     seed: int
     weights_hash: str
     version: str
     licence: str
+    height_m: float  # of the body, crown of the head to the soles
+    attributes: Attributes | None = None
+
+    @property
+    def facts(self) -> tuple[tuple[str, str | int | float], ...]:
+        """The attributes as names and values, as files hold them."""
+        return tuple(self.attributes.facts().items()) if self.attributes else ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,6 +76,16 @@ class Avatar:
     @property
     def seed(self) -> int:
         return self.info.seed
+
+    @property
+    def height(self) -> float:
+        """How tall the body stands without clothes and hair, crown of the head to the soles, metres."""
+        return self.info.height_m
+
+    @property
+    def attributes(self) -> Attributes | None:
+        """The person in words; None where the weights do not say, or the person is drawn to the mean."""
+        return self.info.attributes
 
     @torch.inference_mode()
     def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
@@ -137,15 +159,27 @@ class AvatarSampler:
     own_body: (
         bool  # the body is the one the generator was trained on, so its betas mean what the generator learned
     )
+    coded: bool  # z is the wardrobe's coding of attributes
+    sizing: Sizing | None  # statures of the body's shapes; None where these or z mean other things
     weights_hash: str
     licence: str
 
     @torch.inference_mode()
-    def sample(self, seed: int, truncation: float = 1.0) -> Avatar:
+    def sample(
+        self,
+        seed: int,
+        truncation: float = 1.0,
+        traits: Traits | Mapping[str, str | float] | None = None,
+    ) -> Avatar:
         """Draw a person. The latent is drawn on the CPU: the same seed is the same person on any machine.
 
+        With `traits`, such as {"gender": "woman", "hair": "long", "height": 1.7}, a person who has them, and
+        is otherwise as the seed has it (`avatargen traits` lists them). Women are 1.63 m tall in the mean and
+        men 1.76 m, each seed by its own height coordinate. With another body everybody is as tall as it.
+
         Raises:
-            InputError: the seed is no whole number in 0..2^63 - 1, or truncation is not in 0..1.
+            InputError: the seed is no whole number in 0..2^63 - 1, truncation is not in 0..1, or traits are
+            unknown, contradict each other, or are none that these weights or this body can show.
         """
         if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
             raise InputError(f"seed: {seed!r} is none; a seed is a whole number from 0 to 2^63 - 1")
@@ -153,15 +187,25 @@ class AvatarSampler:
             raise InputError(f"truncation: {truncation} is out of range; choose 0 (the mean person) to 1")
         draw = torch.Generator().manual_seed(seed)
         z = torch.randn(1, self.generator.config.mapping.z_size, generator=draw)
+        chosen = traits if isinstance(traits, Traits) else traits_of(traits or {})
+        if chosen.given():
+            self.require_choice(chosen, truncation)
+            z = condition(z, chosen)
         device = self.offset.device
         w = self.generator.mapping(z.to(device), front_camera().vector.to(device), truncation)
-        betas = self.generator.betas(w)[0].cpu().numpy()
+        betas = self.shape_of(w, z, truncation, chosen.height).numpy()
+        height = float(np.ptp(shape(self.body.source, betas).vertices[:, 1]))
         return Avatar(
             body=self.body,
-            betas=betas if self.own_body else np.zeros(self.body.source.shapedirs.shape[2], np.float32),
+            betas=betas,
             bounds=self.bounds,
             info=AvatarInfo(
-                seed=seed, weights_hash=self.weights_hash, version=__version__, licence=self.licence
+                seed=seed,
+                weights_hash=self.weights_hash,
+                version=__version__,
+                licence=self.licence,
+                height_m=height,
+                attributes=describe(people_of(z), height) if self.coded and truncation == 1 else None,
             ),
             field=PersonField(
                 generator=self.generator,
@@ -174,6 +218,31 @@ class AvatarSampler:
                 offset=self.offset,
             ),
         )
+
+    def require_choice(self, traits: Traits, truncation: float) -> None:
+        """Raise InputError for traits that these weights, or this body, do not show."""
+        if not self.coded:
+            raise InputError(
+                "traits: these weights do not say what their latents mean; use the shipped ones, or no traits"
+            )
+        if truncation < 1:
+            raise InputError(f"traits: truncation {truncation:g} would draw them to the mean; leave it at 1")
+        if traits.height is not None and self.sizing is None:
+            raise InputError(
+                "height: the shape directions of this body are not known; leave out the height, or the body"
+            )
+
+    def shape_of(
+        self, w: Float[Tensor, "1 D"], z: Float[Tensor, "1 Z"], truncation: float, height: float | None
+    ) -> Float[Tensor, " B"]:
+        """The person's shape coefficients, at the stature asked for or the person's own."""
+        if not self.own_body:
+            return torch.zeros(self.body.source.shapedirs.shape[2])
+        betas = self.generator.betas(w).cpu()
+        if self.sizing is not None:
+            tall = MEAN_PERSON + truncation * (stature(people_of(z)) - MEAN_PERSON)
+            betas = self.sizing.sized(betas, tall if height is None else torch.full_like(tall, height))
+        return betas[0]
 
 
 def box_around(body: CanonicalBody, config: PlanesConfig, offset: np.ndarray) -> Float32[np.ndarray, "2 3"]:
@@ -209,6 +278,7 @@ def load_generator(
         offset = torch.from_numpy(trained.joints[0] - canonical.joints[0])
         carry_vertex_features(generator, trained, canonical, offset.numpy())
     on_cpu = torch.device(device).type == "cpu"
+    coded = checkpoint.notes.get("coding") == CODING
     return AvatarSampler(
         generator=generator.to(device).requires_grad_(False),
         body=canonical,
@@ -217,6 +287,8 @@ def load_generator(
         offset=offset.to(device),
         bounds=box_around(canonical, config.planes, offset.numpy()),
         own_body=own_body,
+        coded=coded,
+        sizing=Sizing(source) if own_body and coded else None,
         weights_hash=checkpoint.weights_hash,
         licence=checkpoint.notes.get("licence", "unknown"),
     )

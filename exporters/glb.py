@@ -259,6 +259,10 @@ def file_info(info: AssetInfo) -> gltf.Asset:
         "licence": info.licence,
         "betas": [round(float(beta), 6) for beta in info.betas],
     }
+    if info.height_m is not None:
+        extras["height_m"] = round(info.height_m, 4)
+    if info.facts:
+        extras["attributes"] = dict(info.facts)
     return gltf.Asset(
         version="2.0", generator=f"avatargen {info.version}", copyright=info.licence, extras=extras
     )

@@ -259,7 +259,15 @@ def read_info(header: Any) -> AssetInfo:
         version=str(extras.get("version", "")),
         licence=str(extras.get("licence", header.get("copyright", ""))),
         betas=tuple(float(beta) for beta in extras.get("betas", ())),
+        height_m=float(extras["height_m"]) if "height_m" in extras else None,
+        facts=read_facts(extras.get("attributes", {})),
     )
+
+
+def read_facts(found: Any) -> tuple[tuple[str, str | int | float], ...]:
+    """A person's attributes; those that are no words or numbers are left out."""
+    pairs = found.items() if isinstance(found, dict) else ()
+    return tuple((str(name), value) for name, value in pairs if isinstance(value, str | int | float))
 
 
 def item(items: Any, number: Any) -> Any:

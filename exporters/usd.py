@@ -112,6 +112,8 @@ def describe_source(layer: Sdf.Layer, info: AssetInfo) -> None:
             "version": info.version,
             "licence": info.licence,
             "betas": Vt.DoubleArray([round(float(beta), 6) for beta in info.betas]),
+            **({} if info.height_m is None else {"height_m": round(info.height_m, 4)}),
+            **({"attributes": dict(info.facts)} if info.facts else {}),
         },
     }
 

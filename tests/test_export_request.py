@@ -26,6 +26,23 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--seeds": (MANY, ("--seeds", "0:3", "--out", "crowd")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
+    "--gender": (ONE, (*ONE, "--gender", "man")),
+    "--age": (ONE, (*ONE, "--age", "old")),
+    "--skin": (ONE, (*ONE, "--skin", "dark")),
+    "--hair": (ONE, (*ONE, "--hair", "long")),
+    "--hair-color": (ONE, (*ONE, "--hair-color", "grey")),
+    "--beard": (ONE, (*ONE, "--beard", "full")),
+    "--hat": (ONE, (*ONE, "--hat", "beanie")),
+    "--top": (ONE, (*ONE, "--top", "shirt")),
+    "--top-color": (ONE, (*ONE, "--top-color", "blue")),
+    "--sleeves": (ONE, (*ONE, "--sleeves", "short")),
+    "--bottom": (ONE, (*ONE, "--bottom", "skirt")),
+    "--bottom-color": (ONE, (*ONE, "--bottom-color", "black")),
+    "--outer": (ONE, (*ONE, "--outer", "coat")),
+    "--outer-color": (ONE, (*ONE, "--outer-color", "black")),
+    "--shoes": (ONE, (*ONE, "--shoes", "boots")),
+    "--height": (ONE, (*ONE, "--height", "1.75m")),
+    "--traits": (ONE, (*ONE, "--traits", "a.json")),
     "--out": (ONE, (*ONE, "--out", "a.glb")),
     "--format": (ONE, (*ONE, "--format", "gltf")),
     "--compress": (ONE, (*ONE, "--compress", "quantize")),
@@ -69,6 +86,7 @@ def in_a_folder_with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.chdir(tmp_path)
     for name in ("a.npz", "b.npz", "a.safetensors"):
         Path(name).write_bytes(b"as it was")
+    Path("a.json").write_text('{"hair": "bob"}')
 
 
 def changed_fields(before: ExportRequest, after: ExportRequest) -> set[str]:

@@ -33,7 +33,7 @@ def blocks(page: Path, language: str) -> list[str]:
     return [text for found, text in FENCE.findall(page.read_text()) if found == language]
 
 
-@pytest.mark.parametrize("name", ["README.md", "python.md", "own_data.md"])
+@pytest.mark.parametrize("name", ["README.md", "python.md", "own_data.md", "choosing.md"])
 def test_python_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (page,) = [page for page in PAGES if page.name == name and blocks(page, "python")]
     monkeypatch.chdir(tmp_path)

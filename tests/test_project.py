@@ -125,7 +125,7 @@ def test_public_names() -> None:
     import avatargen
     import exporters
 
-    exported = {"ExportRequest", "export_avatar", "export_many"}
+    exported = {"ExportRequest", "Traits", "export_avatar", "export_many"}
     assert {"load_generator", "Avatar", "__version__"} | exported == set(avatargen.__all__)
     assert {"FORMATS", "Format", "encode", "export", "files_of", "find_format"} == set(exporters.__all__)
     for package in (assets, avatargen, exporters):

@@ -62,7 +62,7 @@ def pool_file(body: CanonicalBody, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture
 def stream(body: CanonicalBody, pool_file: Path) -> Stream:
-    return Stream(cached_pool(pool_file, body, TINY.pool, TINY.seed), TINY)
+    return Stream(cached_pool(pool_file, body, TINY.pool, TINY.seed), TINY, body)
 
 
 def run(
@@ -189,7 +189,7 @@ def test_the_learning_rate_warms_up_and_comes_down():
 def test_the_shipped_weights_know_people_no_step_has_drawn(body: CanonicalBody, pool_file: Path):
     """The model card's claim, on fewer people and points."""
     training = replace(TINY, people=24, points=1024, held_out_batches=1)
-    stream = Stream(cached_pool(pool_file, body, TINY.pool, TINY.seed), training)
+    stream = Stream(cached_pool(pool_file, body, TINY.pool, TINY.seed), training, body)
     errors = held_out(load_checkpoint(shipped("generator.safetensors")).generator, stream, training)
 
     assert errors.distance_mm < 1.1

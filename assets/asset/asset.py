@@ -31,6 +31,8 @@ class AssetInfo:
     version: str
     licence: str
     betas: tuple[float, ...] = ()
+    height_m: float | None = None  # of the body, crown of the head to the soles
+    facts: tuple[tuple[str, str | int | float], ...] = ()  # the person's attributes, name and value
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,6 +93,11 @@ COMMANDS = (
         function="avatargen.commands.look.view:main",
     ),
     Command(
+        words=("traits",),
+        summary="what one may choose of a person: hair, clothes, colours, height",
+        function="avatargen.commands.look.traits:main",
+    ),
+    Command(
         words=("survey",),
         summary="build many seeds: table of errors, contact sheet, files",
         function="avatargen.commands.look.survey:main",

@@ -23,9 +23,10 @@ from avatargen.body.model import shape as shape_body
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.body.skinning import invert_blend, skin, transform
 from avatargen.wardrobe import MARKS
-from avatargen.wardrobe.attributes import People, phenotype
+from avatargen.wardrobe.attributes import People
 from avatargen.wardrobe.chart import Chart, Places
 from avatargen.wardrobe.person import dress_up
+from avatargen.wardrobe.stature import Sizing
 
 MARGIN = (0.1, 0.1, 0.24)  # metres of box around the body: skirts reach far along z
 REACH = (
@@ -68,8 +69,7 @@ class Tailor:
         self.body, self.cell = body, cell
         self.chart = Chart(body, MARKS, spacing=cell)
         self.T_canonical_rest = pose_canonically(body.source).T_posed_rest
-        with np.load(MARKS, allow_pickle=False) as marks:
-            self.phenotype_to_betas = marks["phenotype_to_betas"]
+        self.sizing = Sizing(body.source)
         self.origin = body.vertices.min(axis=0).astype(np.float64) - MARGIN
         size = body.vertices.max(axis=0) + np.array(MARGIN) - self.origin
         self.coarse_counts = np.ceil(size / (2 * cell)).astype(np.int64)
@@ -184,9 +184,8 @@ class Tailor:
         return self.known[torch.from_numpy(self.row[corners])]
 
     def betas(self, people: People) -> Float32[np.ndarray, " b"]:
-        """The person's shape, as the warm start reads it off the phenotype."""
-        features = np.append(phenotype(people)[0].numpy(), 1.0)
-        return np.clip(self.phenotype_to_betas @ features, -2.8, 2.8).astype(np.float32)
+        """The person's shape, as the warm start has it."""
+        return self.sizing.betas(people)[0].numpy()
 
     def keys(self, corners: Int64[np.ndarray, "N 3"]) -> Int64[np.ndarray, " N"]:
         _, y, z = self.corner_counts

@@ -30,6 +30,7 @@ class Row:
     bytes: int | None = None  # with the files beside it
     faces: int | None = None
     error_mm: dict[str, float] | None = None  # mesh to field: mean, p99, max
+    height_m: float | None = None  # of the body, crown of the head to the soles
     error: str | None = None
     seconds: float = 0.0
 
@@ -119,7 +120,7 @@ def parse_row(line: bytes) -> Row | None:
     names = {field.name for field in fields(Row)}
     if not isinstance(found, dict) or set(found) != names or type(found["seed"]) is not int:
         return None
-    if not is_number(found["seconds"]):
+    if not is_number(found["seconds"]) or not (found["height_m"] is None or is_number(found["height_m"])):
         return None
     for kind, optional in (
         (str, ("file", "sha256", "error")),
@@ -133,7 +134,9 @@ def parse_row(line: bytes) -> Row | None:
     if not all(map(is_number, (found["error_mm"] or {}).values())):
         return None
     error_mm = found["error_mm"] and {name: float(value) for name, value in found["error_mm"].items()}
-    return Row(**found | {"seconds": float(found["seconds"]), "error_mm": error_mm})
+    height_m = None if found["height_m"] is None else float(found["height_m"])
+    seconds = float(found["seconds"])
+    return Row(**found | {"seconds": seconds, "error_mm": error_mm, "height_m": height_m})
 
 
 def is_number(value: object) -> bool:

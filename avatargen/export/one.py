@@ -153,7 +153,7 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
     """
     request, settings = workshop.request, workshop.settings
     with watch.stage("sample"):
-        avatar = workshop.generator.sample(seed)
+        avatar = workshop.generator.sample(seed, traits=workshop.request.traits)
     fit = None
     if request.chosen:
         fit = build_fitted(avatar, settings, request, watch.total(), watch.show_build)

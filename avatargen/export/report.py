@@ -44,6 +44,8 @@ def make_report(
         "version": asset.info.version,
         "weights_hash": asset.info.weights_hash,
         "licence": asset.info.licence,
+        "height_m": round(made.avatar.height, 4),
+        "attributes": dict(asset.info.facts) or None,
         "vertices": len(asset.vertices),
         "faces": len(asset.faces),
         "levels": level_facts(made),

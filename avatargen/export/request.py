@@ -16,6 +16,7 @@ from assets.plan import CONTENTS
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
 from avatargen.export.rules import check_chosen, check_one_or_many
+from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
 from exporters.export import require_encoding
@@ -38,6 +39,7 @@ class ExportRequest:
     seeds: int | range = field(metadata=no_byte("says which files there are; each depends on its own seed"))
     weights: Path | None = None  # of another generator than the shipped one
     body: Path | None = None  # in SMPL's format: .npz or .pkl
+    traits: Traits = field(default_factory=Traits)  # what was chosen of the people
     # what: the asset
     build: BuildConfig = field(default_factory=BuildConfig)
     scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))

@@ -34,11 +34,12 @@ from avatargen.generator.generator import AvatarGenerator
 from avatargen.training.learn_traits import learn_traits
 from avatargen.training.orbit import orbit_cameras
 from avatargen.training.pool import cached_pool, hangs
-from avatargen.wardrobe import MARKS, garments
-from avatargen.wardrobe.attributes import LATENT_SIZE, People, phenotype
+from avatargen.wardrobe import garments
+from avatargen.wardrobe.attributes import CODING, LATENT_SIZE, People
 from avatargen.wardrobe.chart import Places
 from avatargen.wardrobe.layers import Layer
 from avatargen.wardrobe.person import dress_up
+from avatargen.wardrobe.stature import Sizing
 
 OFF_BODY = 0.02  # m from the body where vertex features and the densest part of the pool end
 HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
@@ -99,11 +100,9 @@ class Errors:
 class Stream:
     """Endless people: the batch of step s is a function of (seed, s) alone."""
 
-    def __init__(self, pool: Places, config: WarmStartConfig) -> None:
-        self.pool, self.config = pool, config
+    def __init__(self, pool: Places, config: WarmStartConfig, body: CanonicalBody) -> None:
+        self.pool, self.config, self.sizing = pool, config, Sizing(body.source)
         self.off_body = torch.nonzero(hangs(pool.p) & (pool.body > OFF_BODY))[:, 0]
-        with np.load(MARKS, allow_pickle=False) as marks:
-            self.phenotype_to_betas = torch.from_numpy(marks["phenotype_to_betas"])
 
     def batch(self, step: int, people: int, skirts: float = 0.0) -> Batch:
         """People, a share of them in skirts whatever they draw, places near their surfaces, and targets."""
@@ -119,9 +118,7 @@ class Stream:
             keep = near_surface(target.sdf, count, random)
             rows = torch.arange(people)[:, None]
             kept = Layer(sdf=target.sdf[rows, keep], color=target.color[rows, keep])
-            body = phenotype(drawn)
-            ones = torch.ones(people, 1)
-            betas = (torch.cat([body, ones], dim=1) @ self.phenotype_to_betas.T).clamp(-2.8, 2.8)
+            betas = self.sizing.betas(drawn)
         return Batch(
             people=drawn,
             camera=orbit_cameras(people, random),
@@ -327,7 +324,7 @@ def train(
     """
     out.mkdir(parents=True, exist_ok=True)
     write_atomically(out / "config.json", json.dumps(asdict(config), indent=1).encode())
-    stream = Stream(cached_pool(out / "pool.npz", body, config.pool, config.seed), config)
+    stream = Stream(cached_pool(out / "pool.npz", body, config.pool, config.seed), config, body)
     state = new_state(generator_config, config, body, coarser)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
@@ -361,6 +358,7 @@ def finish(state: State, config: WarmStartConfig, errors: Errors, path: Path) ->
         state.average.mapping.average.copy_(state.average.mapping(z, orbit_cameras(4096, random)).mean(0))
     notes = {
         "licence": "Apache-2.0",
+        "coding": CODING,
         "training": f"warm start, {state.step} steps of {config.people} people and {config.points} points",
         "held_out": f"{errors.distance_mm:.3f} mm, colour {errors.colour:.4f}",
     }

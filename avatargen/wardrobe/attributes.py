@@ -77,6 +77,7 @@ MEASURES = [
 COLOURS = ["hair", "top", "second", "bottom", "outer", "shoe"]
 FACE = ["nose", "nose_width", "jaw", "chin", "cheek"]  # measures
 LATENT_SIZE = 80
+CODING = "wardrobe"  # what a checkpoint's notes call a z that is read like this
 
 _SINGLE = {name: i for i, name in enumerate((*CHOICES, *MEASURES))}
 _COLOURED = {name: len(_SINGLE) + 3 * i for i, name in enumerate(COLOURS)}
@@ -84,6 +85,11 @@ _COORDINATE = _SINGLE | _COLOURED | {name: len(_SINGLE) + 3 * len(COLOURS) + i f
 
 # opponent axes (reddish-greenish, yellowish-bluish) in display RGB, of equal weight
 _OPPONENT = torch.tensor([[0.75, -0.45, -0.05], [0.45, 0.25, -0.80]])
+
+
+def coordinate(name: str) -> int:
+    """Where in z an attribute's coordinate is; the first of a colour's three."""
+    return _COORDINATE[name]
 
 
 @dataclass(frozen=True)
@@ -148,7 +154,7 @@ def phenotype(people: People) -> Float[Tensor, "B 9"]:
         "age": people.between("age", 0.62, 0.93),
         "muscle": people.between("muscle", 0.3, 0.85) - 0.12 * woman,
         "weight": people.between("weight", 0.15, 0.95),
-        "height": people.between("height", 0.25, 0.75),
+        "height": torch.full_like(woman, 0.35),  # a usual one: `stature.py` sizes people afterwards
         "proportions": torch.full_like(woman, 0.65),
         "african": people.measure("african") * 0.8,
         "asian": people.measure("asian") * (1 - people.measure("african")) * 0.8,

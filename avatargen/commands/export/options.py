@@ -28,6 +28,7 @@ from avatargen.commands.line import (
 from avatargen.commands.progress import Show
 from avatargen.errors import InputError
 from avatargen.export.rules import check_chosen, check_one_or_many
+from avatargen.wardrobe.choosing import VALUES, Traits, read_traits, shown, traits_of, worn_by
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -49,6 +50,7 @@ examples:
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
+  avatar-export --seed 3 --gender woman --hair long --bottom dress --height 1.70m
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 3 --lods 40000,20000,5000,1000
@@ -72,6 +74,7 @@ def parse(arguments: Sequence[str] | None, show: Show = lambda doing, share: Non
 def make_parser() -> ArgumentParser:
     parser = OneLineParser(PROGRAM, description=DESCRIPTION, examples=EXAMPLES)
     add_person_options(parser.add_argument_group("the person"))
+    add_trait_options(parser.add_argument_group("the person's traits, else as the seed has them"))
     add_file_options(parser.add_argument_group("the files"))
     add_asset_options(parser.add_argument_group("the asset"))
     add_picture_options(parser.add_argument_group("its pictures"))
@@ -98,6 +101,25 @@ def add_person_options(group: _ArgumentGroup) -> None:
     )
     add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
+
+
+def add_trait_options(group: _ArgumentGroup) -> None:
+    """What is chosen of the person."""
+    for name, values in VALUES.items():
+        group.add_argument(f"--{shown(name)}", choices=values, help=worn_by(name))
+    group.add_argument(
+        "--height",
+        type=quantity("m"),
+        metavar="1.75m",
+        help="of the body, crown of the head to the soles, 1.40 to 2.10 m",
+    )
+    group.add_argument(
+        "--traits",
+        dest="traits_file",
+        type=Path,
+        metavar="FILE.json",
+        help='names and values, such as {"hair": "long"}; options beside it win',
+    )
 
 
 def add_file_options(group: _ArgumentGroup) -> None:
@@ -290,6 +312,7 @@ def check_options(options: Namespace) -> None:
         dry_run=options.dry_run,
         budget_s=options.budget_s,
     )
+    options.traits = chosen_traits(options)
     options.format = output_format(options)
     outputs = () if many else (options.out or Path(f"avatar_{options.seed}.{options.format}"),)
     for output in (*outputs, options.report, options.preview):
@@ -306,6 +329,12 @@ def check_options(options: Namespace) -> None:
         raise InputError(
             f"found --pose {options.pose}, wanted one of {', '.join(NAMED_POSES)} or an .npz file that exists"
         )
+
+
+def chosen_traits(options: Namespace) -> Traits:
+    """The traits of the file, and over them those of the options. Raises InputError."""
+    found = read_traits(options.traits_file).given() if options.traits_file else {}
+    return traits_of(found | given(Traits, options))
 
 
 def output_format(options: Namespace) -> str:
