@@ -28,6 +28,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.progress import progress_line
 from avatargen.errors import InputError
+from avatargen.shadow import prefer_ours
 
 PROGRAM = "avatar-export"
 # what `exporters` writes, which takes seconds to ask
@@ -325,6 +326,7 @@ def output_path(given: Namespace) -> Path:
 
 def program() -> NoReturn:
     """The installed command."""
+    prefer_ours()
     leave(main())
 
 
