@@ -2,19 +2,22 @@
 
 The bytes go to a part file beside the target, are flushed to disk, and take the target's name in one step. A
 process that is killed on the way leaves the target as it was, and a part file that the next write to the same
-target sweeps away: a living writer holds a lock on its part file, a dead one cannot.
+target sweeps away: one process at a time writes a target, so what it finds there is of a dead one.
 """
 
-import fcntl
 import os
 import tempfile
-from collections.abc import Sequence
-from contextlib import ExitStack
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+from filelock import lock_descriptor
 
 from avatargen.errors import InputError
 
 PART_SUFFIX = ".part"
+PATIENCE = 60.0  # seconds to wait for another process that writes the same file
 
 
 def write_atomically(path: str | Path, data: bytes) -> None:
@@ -40,6 +43,8 @@ def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
     if len(set(targets)) < len(targets):
         raise InputError(f"cannot write {', '.join(str(path) for path, _ in files)}: two are the same file")
     with ExitStack() as parts:
+        for target in sorted(targets):  # in one order, so that no two processes wait for each other
+            parts.enter_context(only_writer(target, PATIENCE))
         staged = [
             stage(path, target, data, parts) for (path, data), target in zip(files, targets, strict=True)
         ]
@@ -53,21 +58,69 @@ def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
 
 
 def stage(path: str | Path, target: Path, data: bytes, parts: ExitStack) -> Path:
-    """Put the data in a part file beside the target, on the disk; `parts` removes it if it is still there."""
+    """Put the data of the target's only writer in a part file beside it, on the disk; `parts` removes it if
+    it is still there."""
     sweep_leftovers(target)
     try:
         handle, name = tempfile.mkstemp(prefix=part_prefix(target), suffix=PART_SUFFIX, dir=target.parent)
         part = Path(name)
         parts.callback(part.unlink, missing_ok=True)
         with os.fdopen(handle, "wb") as stream:
-            fcntl.flock(stream, fcntl.LOCK_EX)
             stream.write(data)
             stream.flush()
-            os.fchmod(stream.fileno(), target_mode(target))
+            part.chmod(target_mode(target))
             os.fsync(stream.fileno())
     except OSError as error:
         raise unwritable(path, error) from error
     return part
+
+
+@contextmanager
+def only_writer(target: Path, patience: float = 0.0) -> Iterator[None]:
+    """Hold the target's lock, a file beside it; of a process that is killed the system lets go.
+
+    Raises:
+        InputError: another process holds it for longer than `patience` (seconds), or it cannot be made.
+    """
+    path = target.parent / f"{part_prefix(target)}lock"
+    latest = time.monotonic() + patience
+    while (handle := take_lock(target, path)) is None:
+        if time.monotonic() > latest:
+            raise InputError(f"{target} is being written by another process; wait for it to end")
+        time.sleep(0.01)
+    try:
+        yield
+    finally:
+        removed = remove_lock(path)
+        os.close(handle)
+        if not removed:  # Windows keeps what is open
+            remove_lock(path)
+
+
+def take_lock(target: Path, path: Path) -> int | None:
+    """The open lock file, locked; None while another process has it. Raises InputError as `only_writer`."""
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise unwritable(target, error) from error
+    try:
+        if lock_descriptor(handle, blocking=False) and os.path.samestat(os.fstat(handle), os.stat(path)):
+            return handle
+    except FileNotFoundError:  # its last holder has removed it meanwhile
+        pass
+    except OSError as error:
+        os.close(handle)
+        raise unwritable(target, error) from error
+    os.close(handle)
+    return None
+
+
+def remove_lock(path: Path) -> bool:
+    try:
+        path.unlink()
+    except OSError:
+        return False
+    return True
 
 
 def check_writable(path: str | Path) -> None:
@@ -78,9 +131,7 @@ def check_writable(path: str | Path) -> None:
     """
     target = resolve_target(path)
     try:
-        with tempfile.NamedTemporaryFile(
-            prefix=part_prefix(target), suffix=PART_SUFFIX, dir=target.parent
-        ) as probe:
+        with tempfile.TemporaryFile(dir=target.parent) as probe:
             probe.write(b"x")
     except OSError as error:
         raise unwritable(path, error) from error
@@ -119,18 +170,9 @@ def sweep_leftovers(target: Path) -> None:
     try:
         for entry in list(os.scandir(target.parent)):
             if entry.name.startswith(part_prefix(target)) and entry.name.endswith(PART_SUFFIX):
-                remove_unlocked(entry.path)
+                os.unlink(entry.path)
     except OSError:
         return  # a folder that cannot be listed or swept may still be written to; the write itself will tell
-
-
-def remove_unlocked(part: str) -> None:
-    with open(part, "rb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return  # another process is writing it now
-        os.unlink(part)
 
 
 def target_mode(target: Path) -> int:

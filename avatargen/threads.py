@@ -19,12 +19,13 @@ def spread(work: Callable[[Piece], Result], pieces: Sequence[Piece]) -> list[Res
     threads = torch.get_num_threads()
     if threads == 1:
         return [work(piece) for piece in pieces]
-    return list(workers(threads).map(work, pieces))
+    return list(workers(threads, os.getpid()).map(work, pieces))
 
 
 @functools.cache
-def workers(count: int) -> ThreadPoolExecutor:
-    """Threads in which torch has one, kept: a new one takes longer to start than small work takes."""
+def workers(count: int, process: int) -> ThreadPoolExecutor:
+    """Threads in which torch has one, kept: a new one takes longer to start than small work takes.
+    A forked child has none of its parent's threads, so they belong to a process."""
     pool, met = ThreadPoolExecutor(count), threading.Barrier(count)
     list(pool.map(lambda _: limit_torch(met), range(count)))
     torch.set_num_threads(count)  # what they set is also what other threads to come begin with
@@ -36,6 +37,3 @@ def limit_torch(met: threading.Barrier) -> None:
     torch.set_num_threads(1)
     torch.get_num_threads()  # a thread takes over what was set last when it first asks
     met.wait()
-
-
-os.register_at_fork(after_in_child=workers.cache_clear)  # a child has none of its parent's threads

@@ -55,7 +55,9 @@ def khronos_report(path: str | Path) -> dict | None:
     places = os.environ | {"NODE_PATH": os.pathsep.join(map(str, folders))}
     command = [node, "-e", VALIDATE, str(Path(path).resolve())]
     try:
-        run = subprocess.run(command, env=places, capture_output=True, text=True, timeout=SECONDS, check=True)
+        run = subprocess.run(
+            command, env=places, capture_output=True, encoding="utf-8", timeout=SECONDS, check=True
+        )
     except subprocess.SubprocessError:
         return {"unreadable": "the validator gave up on it"}
     return json.loads(run.stdout)

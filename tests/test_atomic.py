@@ -1,6 +1,5 @@
 """Whole or not at all: after any failure the target holds what it held before and nothing lies beside it."""
 
-import fcntl
 import os
 import resource
 import signal
@@ -8,12 +7,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from avatargen.atomic import check_writable, part_prefix, write_atomically, write_together
+from avatargen.atomic import check_writable, only_writer, part_prefix, write_atomically, write_together
 from avatargen.errors import InputError
 
 OLD, NEW = b"old bytes", b"new bytes, more of them"
@@ -146,19 +146,50 @@ def test_interruption_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert names(tmp_path) == ["a.glb"]
 
 
-def test_sweeps_only_dead_leftovers_of_this_target(tmp_path: Path) -> None:
+def test_sweeps_the_leftovers_of_this_target_alone(tmp_path: Path) -> None:
     path = tmp_path / "a.glb"
     dead = tmp_path / f"{part_prefix(path)}dead.part"
     foreign = tmp_path / f"{part_prefix(tmp_path / 'a.glb.png')}x.part"
-    living = tmp_path / f"{part_prefix(path)}living.part"
-    for part in (dead, foreign, living):
+    locked = tmp_path / f"{part_prefix(path)}lock"  # by a process that was killed
+    for part in (dead, foreign, locked):
         part.write_bytes(b"half")
-    with living.open("rb") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        write_atomically(path, NEW)
-        assert names(tmp_path) == sorted([foreign.name, living.name, "a.glb"])
     write_atomically(path, NEW)
     assert names(tmp_path) == sorted([foreign.name, "a.glb"])
+
+
+WRITING = """
+import sys, time
+from pathlib import Path
+from avatargen.atomic import only_writer
+with only_writer(Path(sys.argv[1])):
+    print("writing", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_another_writer_is_waited_for_or_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.glb"
+    part = tmp_path / f"{part_prefix(path)}living.part"
+    part.write_bytes(b"half")
+    command = [sys.executable, "-c", WRITING, str(path)]
+    with subprocess.Popen(command, cwd=Path(__file__).parents[1], stdin=-1, stdout=-1) as process:
+        assert process.stdin and process.stdout
+        assert process.stdout.readline() == b"writing\n"
+        with (
+            pytest.raises(InputError, match=r"a\.glb is being written by another process"),
+            only_writer(path),
+        ):
+            pass
+        check_writable(path)
+        with ThreadPoolExecutor(1) as pool:
+            written = pool.submit(write_atomically, path, NEW)
+            with pytest.raises(TimeoutError):
+                written.result(timeout=0.3)
+            assert part.exists()  # nobody sweeps what a living process writes
+            process.stdin.close()
+            written.result(timeout=30)
+    assert path.read_bytes() == NEW
+    assert names(tmp_path) == ["a.glb"]
 
 
 KILLED = """

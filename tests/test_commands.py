@@ -14,7 +14,7 @@ import pytest
 from assets import BuildConfig
 from avatargen.body.load import load_body
 from avatargen.commands import main
-from avatargen.commands.export import avatar_export
+from avatargen.commands.export import avatar_export, options
 from avatargen.commands.line import run_command
 from avatargen.commands.progress import progress_line
 from avatargen.errors import FieldError, InputError
@@ -119,7 +119,7 @@ def test_help_answers_at_once_and_imports_nothing_heavy(command: str) -> None:
 
 def test_help_names_the_settings_own_defaults(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        avatar_export.parse(["--help"])
+        options.parse(["--help"])
     text = " ".join(capsys.readouterr().out.split("the asset:")[1].split())
     config = BuildConfig()
     for name in ("faces", "texture", "resolution", "pose"):

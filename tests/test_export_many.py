@@ -189,7 +189,7 @@ def test_other_settings_and_two_runs_at_once_are_refused(tmp_path: Path) -> None
         pass
     with (
         open_manifest(tmp_path, SETTINGS),
-        pytest.raises(InputError, match="another run"),
+        pytest.raises(InputError, match="by another process"),
         open_manifest(tmp_path, SETTINGS),
     ):
         pass

@@ -71,7 +71,7 @@ def test_texels_have_the_openness_of_their_own_places() -> None:
     atlas = charts(surface)
     found = bake_occlusion(surface, atlas, union(sphere(RADIUS), lambda p: wall - p[:, 0]), CONFIG)
     texel_map = map_texels(atlas, SIZE)
-    places = texel_map.points(surface, texel_map.asked, np.zeros(2))
+    places = texel_map.points(surface, texel_map.asked)
     outward = places / np.linalg.norm(places, axis=1, keepdims=True)
     to_wall = wall - (places[:, :1] + H * outward[:, :1])
     by_hand = 255 * darkened(np.minimum(H, to_wall))

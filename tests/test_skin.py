@@ -11,7 +11,7 @@ from assets.isosurface.extract import ExtractConfig, extract
 from assets.mesh.clean import clean
 from assets.mesh.surface import Surface, directed_edges, vertex_normals
 from assets.skin.attach import attach, fill
-from assets.skin.skin import Skin, SkinConfig, limit_influences, near_filled, parts_of_faces, transfer_weights
+from assets.skin.skin import Skin, SkinConfig, limit_influences, near_filled, parts_of_faces, skin_attached
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import canonical_body
 
@@ -45,6 +45,10 @@ def skirted():
 
     bounds = np.stack([body.vertices.min(axis=0), body.vertices.max(axis=0)]) + np.array([[-0.4], [0.4]])
     return clean(extract(sdf, bounds, ExtractConfig(resolution=100))).surface
+
+
+def transfer_weights(surface, body):
+    return skin_attached(attach(surface, body), body, SkinConfig())
 
 
 def test_on_the_body_itself_weights_are_the_bodys():

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from assets.errors import GeometryError
 from assets.mesh.surface import Surface, opposite_edges
-from assets.skin.attach import AttachConfig, Attachment, attach, limbs
+from assets.skin.attach import AttachConfig, Attachment, limbs
 from avatargen.body.model import CanonicalBody
 
 INFLUENCES = 4
@@ -52,18 +52,12 @@ class Skin:
         return full
 
 
-def transfer_weights(surface: Surface, body: CanonicalBody, config: SkinConfig | None = None) -> Skin:
+def skin_attached(attachment: Attachment, body: CanonicalBody, config: SkinConfig) -> Skin:
     """Weights of the closest body points where those can be trusted, filled in smoothly elsewhere.
 
     Raises:
         GeometryError: a vertex ends without weight on any joint.
     """
-    config = config or SkinConfig()
-    return skin_attached(attach(surface, body, config.attach), body, config)
-
-
-def skin_attached(attachment: Attachment, body: CanonicalBody, config: SkinConfig) -> Skin:
-    """`transfer_weights` for a surface that is already attached to the body."""
     weights = np.maximum(attachment.carry(body.weights), 0)
     # four rings of edges are longer than a finger's bone: there only what was filled is smoothed
     slender = weights @ on_short_bones(body, config.attach.shortest_bone) > 0.5

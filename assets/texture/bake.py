@@ -28,17 +28,13 @@ MOST_TEXELS = 1 << 21  # whose places and values are held at once
 
 @dataclass(frozen=True, kw_only=True)
 class BakeConfig:
-    """The texture's size, and `samples` x `samples` questions a texel, whose light is averaged."""
+    """The texture's size, texels along a side."""
 
     texture_size: int = 1024
-    samples: int = 1
 
     def __post_init__(self) -> None:
-        if not 16 <= self.texture_size <= 16384 or not 1 <= self.samples <= 8:
-            raise InputError(
-                f"bake: a texture of {self.texture_size} texels with {self.samples} samples; "
-                "choose 16 to 16384 and 1 to 8"
-            )
+        if not 16 <= self.texture_size <= 16384:
+            raise InputError(f"bake: a texture of {self.texture_size} texels; choose 16 to 16384")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,21 +63,17 @@ class TexelMap:
         wanted[self.asked] = True
         return wanted.reshape(self.size, self.size)
 
-    def barycentric(
-        self, texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"] | float = 0.0
-    ) -> Float64[np.ndarray, "K 3"]:
+    def barycentric(self, texel: Int64[np.ndarray, " K"]) -> Float64[np.ndarray, "K 3"]:
         """Places of texels on their faces' planes; never farther beyond a face than its own size."""
-        centres = np.stack([texel % self.size, texel // self.size], axis=1) + 0.5 + offset
+        centres = np.stack([texel % self.size, texel // self.size], axis=1) + 0.5
         # a face without area: its middle
         from_middle = np.nan_to_num(coordinates(self.triangles, self.face[texel], centres) - 1 / 3)
         return 1 / 3 + from_middle / np.maximum(np.abs(from_middle).max(axis=1, keepdims=True), 1)
 
-    def points(
-        self, surface: Surface, texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"]
-    ) -> Float64[np.ndarray, "K 3"]:
+    def points(self, surface: Surface, texel: Int64[np.ndarray, " K"]) -> Float64[np.ndarray, "K 3"]:
         """Where texels lie on the surface, metres."""
         corners = surface.vertices[surface.faces[self.face[texel]]]
-        return np.einsum("kc,kcd->kd", self.barycentric(texel, offset), corners)
+        return np.einsum("kc,kcd->kd", self.barycentric(texel), corners)
 
     def spread(self, texels: UInt8[np.ndarray, "S S C"]) -> UInt8[np.ndarray, "S S C"]:
         """The texture, with the nearest texel's value beyond those asked for."""
@@ -90,36 +82,17 @@ class TexelMap:
         return texels
 
 
-def bake(
-    surface: Surface, atlas: Atlas, color: Field, config: BakeConfig | None = None
-) -> UInt8[np.ndarray, "S S 3"]:
+def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfig) -> Texture:
     """The texture of `color` (points -> sRGB in 0..1) over the surface.
 
     Raises:
         FieldError: a colour is NaN or infinite.
     """
-    return bake_texture(surface, atlas, color, config or BakeConfig()).texels
-
-
-def bake_texture(surface: Surface, atlas: Atlas, color: Field, config: BakeConfig) -> Texture:
-    """`bake` with the texture's coverage. Raises the same errors."""
     texel_map = map_texels(atlas, config.texture_size)
 
-    offsets = sample_offsets(config.samples)
-
-    def sampled(
-        texel: Int64[np.ndarray, " K"], offset: Float64[np.ndarray, "2"]
-    ) -> Float64[np.ndarray, "K 3"]:
-        return np.clip(ask(color, texel_map.points(surface, texel, offset), 3), 0, 1)
-
     def paint(texel: Int64[np.ndarray, " K"]) -> UInt8[np.ndarray, "K 3"]:
-        mixed = sampled(texel, offsets[0])
-        if len(offsets) > 1:
-            light = to_linear(mixed)
-            for offset in offsets[1:]:
-                light += to_linear(sampled(texel, offset))
-            mixed = to_srgb(light / len(offsets))
-        return np.rint(255 * mixed).astype(np.uint8)
+        colours = np.clip(ask(color, texel_map.points(surface, texel), 3), 0, 1)
+        return np.rint(255 * colours).astype(np.uint8)
 
     texels = ask_coarse_to_fine(in_chunks(paint), texel_map.wanted(), 3)
     return Texture(texels=texel_map.spread(texels), coverage=texel_map.coverage)
@@ -133,16 +106,6 @@ def in_chunks(ask_texels: AskTexels) -> AskTexels:
         return np.concatenate([ask_texels(piece) for piece in pieces])
 
     return ask_all
-
-
-def to_linear(srgb: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:
-    """Light, which can be averaged, of sRGB values in 0..1 (IEC 61966-2-1)."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def to_srgb(linear: Float64[np.ndarray, "N C"]) -> Float64[np.ndarray, "N C"]:
-    """The inverse of `to_linear`."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def map_texels(atlas: Atlas, size: int) -> TexelMap:
@@ -161,12 +124,6 @@ def map_texels(atlas: Atlas, size: int) -> TexelMap:
         nearest=nearest[~near],
         coverage=float(covered.mean()),
     )
-
-
-def sample_offsets(samples: int) -> Float64[np.ndarray, "K 2"]:
-    """Offsets from a texel's centre of an even grid of samples, in texels."""
-    along = (np.arange(samples) + 0.5) / samples - 0.5
-    return np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
 
 
 def cover_texels(triangles: Float64[np.ndarray, "F 3 2"], size: int) -> Int64[np.ndarray, "S S"]:

@@ -14,6 +14,7 @@ from typing import NoReturn
 from avatargen import __version__
 from avatargen.commands.line import complain, leave
 from avatargen.errors import InputError
+from avatargen.shadow import prefer_ours
 
 PROGRAM = "avatargen"
 
@@ -157,6 +158,7 @@ def help_text() -> str:
 
 def program() -> NoReturn:
     """The installed command."""
+    prefer_ours()
     leave(main())
 
 

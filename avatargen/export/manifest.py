@@ -5,16 +5,16 @@ of an earlier one. What a killed run left of its last line is cut off by the nex
 from one folder.
 """
 
-import fcntl
 import hashlib
 import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
+from io import FileIO
 from pathlib import Path
 
-from avatargen.atomic import unwritable, write_atomically
+from avatargen.atomic import only_writer, unwritable, write_atomically
 from avatargen.errors import InputError
 
 NAME, SETTINGS_NAME = "manifest.jsonl", "settings.json"
@@ -40,16 +40,16 @@ class Manifest:
     """An open, locked manifest and what it held when it was opened."""
 
     folder: Path
-    handle: int
+    stream: FileIO  # at its end, without a buffer
     rows: dict[int, Row]
 
     def add(self, row: Row) -> None:
         """Append a line and flush it to disk. Raises InputError where the disk is full."""
         line = json.dumps(asdict(row)).encode() + b"\n"
         try:
-            if os.write(self.handle, line) < len(line):
+            if self.stream.write(line) < len(line):
                 raise OSError(0, "the disk is full")
-            os.fsync(self.handle)
+            os.fsync(self.stream.fileno())
         except OSError as error:
             raise unwritable(self.folder / NAME, error) from error
         self.rows[row.seed] = row
@@ -75,22 +75,23 @@ def open_manifest(folder: Path, settings: dict[str, object]) -> Iterator[Manifes
     path = folder / NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
     except OSError as error:
         raise unwritable(path, error) from error
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise InputError(f"{folder} is being written by another run; wait for it to end") from error
-        rows = read_rows(path, handle)
+    with only_writer(path), open_end(path) as stream:
+        rows = read_rows(path, stream)
         keep_settings(folder / SETTINGS_NAME, settings)
-        yield Manifest(folder, handle, rows)
-    finally:
-        os.close(handle)
+        yield Manifest(folder, stream, rows)
 
 
-def read_rows(path: Path, handle: int) -> dict[int, Row]:
+def open_end(path: Path) -> FileIO:
+    """The file to append to, made where there is none. Raises InputError where it cannot be opened."""
+    try:
+        return path.open("ab", buffering=0)
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def read_rows(path: Path, stream: FileIO) -> dict[int, Row]:
     """Every whole line's row, the last of each seed; half a line at the end is cut off.
 
     Raises:
@@ -99,7 +100,7 @@ def read_rows(path: Path, handle: int) -> dict[int, Row]:
     data = path.read_bytes()
     whole = data.rfind(b"\n") + 1
     if whole < len(data):
-        os.ftruncate(handle, whole)
+        stream.truncate(whole)
     rows = {}
     for number, line in enumerate(data[:whole].splitlines(), start=1):
         row = parse_row(line)

@@ -1,7 +1,8 @@
 """What a piece of work costs: seconds and memory of this process."""
 
 import ctypes
-import resource
+import math
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -33,14 +34,14 @@ def measured() -> Iterator[Cost]:
 
 def cpu_seconds() -> float:
     """Of this process and of the finished ones that it started."""
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(use.ru_utime + use.ru_stime for use in usage)
+    of_children = os.times()
+    return time.process_time() + of_children.children_user + of_children.children_system
 
 
 def reset_peak() -> float:
     """Forget the peak so far, where the system can; MB in use now, or the peak where it cannot."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of the GNU C library alone
-    if trim is not None:
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:  # it is of the GNU C library alone
         trim(0)  # what was freed counts as free
     try:
         RESET.write_text("5")
@@ -50,9 +51,13 @@ def reset_peak() -> float:
 
 
 def peak_mb() -> float:
-    """The most memory this process has held since the last reset, MB."""
+    """The most memory this process has held since the last reset, MB; NaN where the system does not tell."""
     if STATUS.exists():
         return status_mb("VmHWM")
+    try:
+        import resource
+    except ImportError:
+        return math.nan
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 

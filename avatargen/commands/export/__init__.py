@@ -1,1 +1,3 @@
 """avatar-export: from a seed to a file."""
+
+PROGRAM = "avatar-export"

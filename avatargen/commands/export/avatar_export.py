@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from avatargen.commands.export.options import PROGRAM, parse
+from avatargen.commands.export import PROGRAM
 from avatargen.commands.line import leave, run_command
 from avatargen.commands.progress import Show, progress_line
 from avatargen.errors import AvatarGenError
+from avatargen.shadow import prefer_ours
 
 if TYPE_CHECKING:
     from avatargen.export.manifest import Row
@@ -34,6 +35,8 @@ def export(arguments: Sequence[str] | None) -> None:
         AvatarGenError: an argument, file or field is bad; then nothing is written. Of many, some have failed;
             the others' files are there.
     """
+    from avatargen.commands.export.options import parse  # needs our `assets`: see `program`
+
     with progress_line() as show:
         request = parse(arguments, show)
         if request.many:
@@ -113,6 +116,7 @@ def process_seconds() -> float:
 
 def program() -> NoReturn:
     """The installed command."""
+    prefer_ours()
     leave(main())
 
 

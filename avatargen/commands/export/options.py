@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from assets.scenes import DEFAULT, SCENES
 from avatargen import __version__
 from avatargen.atomic import check_writable
+from avatargen.commands.export import PROGRAM
 from avatargen.commands.line import (
     FEWEST_FACES,
     LARGEST_SEED,
@@ -33,7 +34,6 @@ from avatargen.wardrobe.choosing import VALUES, Traits, read_traits, shown, trai
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
 
-PROGRAM = "avatar-export"
 # what `exporters` writes, which takes seconds to ask
 FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
 PICTURES = ("png", "jpeg", "webp")
