@@ -94,6 +94,18 @@ def texture_corners(
     return np.array(coordinates), np.array(rows)
 
 
+def eyeball(path: Path, side: str) -> Int[np.ndarray, " E"]:
+    """The vertices of one eyeball of `base.obj`."""
+    found, group = set(), ""
+    for line in path.read_text().splitlines():
+        words = line.split()
+        if words[:1] == ["g"]:
+            group = words[1]
+        if words[:1] == ["f"] and group == f"helper-{side}-eye":
+            found |= {int(word.split("/")[0]) - 1 for word in words[1:]}
+    return np.array(sorted(found))
+
+
 def derive(body: Body, base_obj: Path, mean: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The arrays of `hm08.npz` for the default body."""
     posed = pose_canonically(body)
@@ -115,7 +127,11 @@ def derive(body: Body, base_obj: Path, mean: dict[str, np.ndarray]) -> dict[str,
     matched = np.where(same, hm08_of_body, -1)
     coordinates, corners = texture_corners(base_obj, matched, body.faces)
     used, corners = np.unique(corners, return_inverse=True)
+    balls = [goal[eyeball(base_obj, side)] for side in "lr"]
+    centres = np.array([(ball.max(axis=0) + ball.min(axis=0)) / 2 for ball in balls])
+    radii = [np.linalg.norm(ball - centre, axis=1).mean() for ball, centre in zip(balls, centres, strict=True)]
     return {
+        "eyes": np.column_stack([centres, radii]),
         "rest": rest.astype(np.float32),
         "joints": joints.astype(np.uint8),
         "weights": weights.astype(np.float16),

@@ -14,7 +14,7 @@ from avatargen.errors import InputError
 
 HM08_VERTICES = 19158
 FILE = Path(__file__).parent / "hm08.npz"
-ARRAYS = ("rest", "joints", "weights", "T_canonical_rest", "hm08_of_body", "uv", "uv_corners")
+ARRAYS = ("rest", "joints", "weights", "T_canonical_rest", "hm08_of_body", "uv", "uv_corners", "eyes")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +32,7 @@ class Hm08:
     hm08_of_body: Int64[np.ndarray, " W"]  # the vertex of hm08 under each body vertex; -1 on the eyes
     uv: Float64[np.ndarray, "T 2"]  # of MakeHuman's skins, v counts upward
     uv_corners: Int64[np.ndarray, "F 3"]  # rows of uv at the corners of the body's faces
+    eyes: Float64[np.ndarray, "2 4"]  # centre and radius of the left and the right eyeball, canonical, m
 
     @cached_property
     def dense_weights(self) -> Float64[np.ndarray, "V J"]:
@@ -68,4 +69,5 @@ def load_hm08(path: Path = FILE) -> Hm08:
         hm08_of_body=found["hm08_of_body"].astype(np.int64),
         uv=found["uv"] / 65535.0,
         uv_corners=found["uv_corners"].astype(np.int64),
+        eyes=found["eyes"].astype(np.float64),
     )
