@@ -6,6 +6,7 @@ comes after them, from the same generator, so the old ones stay what they are.
 
 from dataclasses import dataclass
 from math import erf
+from typing import TypeVar
 
 import torch
 from jaxtyping import Float
@@ -40,6 +41,9 @@ NEW = (
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
 DARK_IRISES = ("brown", "brown", "brownlight")
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +87,8 @@ class Draw:
             return 0.5 * (1 + erf(self.new[name] / 2**0.5))
         return float(self.people.measure(name))
 
-    def one_of(self, name: str, options: tuple) -> object:
-        """One of the options, each as likely."""
+    def one_of(self, name: str, options: tuple[T, ...]) -> T:
+        """One of the options, all as likely."""
         return options[min(int(self.share(name) * len(options)), len(options) - 1)]
 
     def colour(self, name: str, low: float = 0.06, high: float = 0.92) -> tuple[float, float, float]:
@@ -113,9 +117,7 @@ def skin_names(names: list[str], age: str, tone: str, sex: str) -> list[str]:
     return names
 
 
-def choose(
-    draw: Draw, garments: dict[str, FittedGarment], skins: list[str], irises: list[str]
-) -> Attributes:
+def choose(draw: Draw, garments: dict[str, FittedGarment], skins: list[str], irises: list[str]) -> Attributes:
     """The person of a draw, out of what a folder holds."""
     woman = float(draw.people.choice("woman")) > 0.5
     sex, years, depth = ("female" if woman else "male"), draw.share("age"), draw.share("skin_light")
@@ -183,16 +185,16 @@ def outfit(
     worn: list[FittedGarment] = []
     shoes = draw.one_of("shoes_item", of("shoes")) if of("shoes") else None
     if shoes is not None:
-        worn += [g for g in garments.values() if g.kind == "socks" and g.name.split("-")[0] == shoes.name.split("-")[0]]
+        worn += [g for g in garments.values() if g.kind == "socks" and outfit_of(g) == outfit_of(shoes)]
         worn.append(shoes)
-    uppers = of("top") + of("outer") + (of("overall") if not woman else ())
+    over = {outfit_of(g) for g in garments.values() if g.kind in ("outer", "overall")}
+    whole = tuple(g for g in of("top") if outfit_of(g) not in over)  # others are cut where the outer lies
+    uppers = whole + of("outer") + (of("overall") if not woman else ())
     upper = draw.one_of("top_item", uppers) if uppers else None
-    if upper is None or upper.kind != "overall" or "worksuit" in upper.name:
-        if upper is None or upper.kind != "overall":
-            worn += [draw.one_of("bottom_item", of("bottom"))] if of("bottom") else []
+    if (upper is None or upper.kind != "overall") and of("bottom"):
+        worn.append(draw.one_of("bottom_item", of("bottom")))
     if upper is not None and upper.kind in ("outer", "overall"):
-        beneath = [g for g in of("top") if g.name.split("-")[0] == upper.name.split("-")[0]]
-        worn += beneath
+        worn += [g for g in of("top") if outfit_of(g) == outfit_of(upper)]
     if upper is not None:
         worn.append(upper)
     if of("hat") and draw.share("hat_item") > 0.92:
@@ -205,10 +207,19 @@ def outfit(
     return [g.name for g in worn], colours, prints
 
 
+def outfit_of(garment: FittedGarment) -> str:
+    """The name of the file that a garment comes from."""
+    return garment.name.split("-")[0]
+
+
 def garment_colour(draw: Draw, garment: FittedGarment) -> tuple[float, float, float] | None:
     """The colour that a garment is dyed, None for the artist's own."""
     if garment.kind in ("top", "outer"):
-        return draw.colour("top" if garment.kind == "top" else "outer") if draw.share("top_plain") > 0.2 else None
+        return (
+            draw.colour("top" if garment.kind == "top" else "outer")
+            if draw.share("top_plain") > 0.2
+            else None
+        )
     if garment.kind in ("bottom", "overall"):
         return draw.colour("bottom", 0.06, 0.7) if draw.share("bottom_plain") > 0.4 else None
     if garment.kind == "hat":

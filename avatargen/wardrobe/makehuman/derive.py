@@ -129,7 +129,9 @@ def derive(body: Body, base_obj: Path, mean: dict[str, np.ndarray]) -> dict[str,
     used, corners = np.unique(corners, return_inverse=True)
     balls = [goal[eyeball(base_obj, side)] for side in "lr"]
     centres = np.array([(ball.max(axis=0) + ball.min(axis=0)) / 2 for ball in balls])
-    radii = [np.linalg.norm(ball - centre, axis=1).mean() for ball, centre in zip(balls, centres, strict=True)]
+    radii = [
+        np.linalg.norm(ball - centre, axis=1).mean() for ball, centre in zip(balls, centres, strict=True)
+    ]
     return {
         "eyes": np.column_stack([centres, radii]),
         "rest": rest.astype(np.float32),

@@ -1,6 +1,6 @@
 """The bare body's colours: a photographic skin by MakeHuman's texture coordinates, eyes, brows and lashes.
 
-    SkinPaint.color(points) -> sRGB of the skin nearest to each point
+SkinPaint.color(points) -> sRGB of the skin nearest to each point
 """
 
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float32, Float64, UInt8
+from scipy.ndimage import gaussian_filter
 
 from avatargen.body.closest import ClosestPoints
 from avatargen.body.distance import BodyHit
@@ -22,7 +23,10 @@ IRIS_SIZE = 0.115
 BALL_SIZE = 0.27
 IRIS_ON_BALL = 0.37  # of the eyeball's radius
 BROW_REACH = 0.006  # m between a brow's card and the skin under it
-LASH_REACH = 0.0022
+LASH_REACH = 0.0016
+LASH_SHARE = 0.5
+SOFT = 3.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours are wider than a hair
+BROWN = np.array([0.85, 0.52, 0.30])
 LASH = np.array([0.05, 0.035, 0.03])
 
 
@@ -84,7 +88,11 @@ class SkinPaint:
         out = np.linalg.norm(off, axis=1, keepdims=True)
         scale = np.minimum(IRIS_SIZE / IRIS_ON_BALL, BALL_SIZE / np.maximum(out, 1e-6))
         uv = np.array(IRIS_AT) + off * (1, -1) * scale
-        return texels(self.iris, uv)[:, :3]
+        colour = texels(self.iris, uv)[:, :3]
+        red = np.clip(
+            (colour[:, :1] - 1.6 * colour[:, 1:2]) / 0.1, 0, 1
+        )  # no iris is as red as the brown one
+        return colour + (colour[:, :1] * BROWN - colour) * red
 
     def paint_brows(
         self, colour: Float64[np.ndarray, "N 3"], foot: Float64[np.ndarray, "N 3"]
@@ -92,8 +100,10 @@ class SkinPaint:
         """Hair drawn on the skin under a brow's card."""
         if self.brows is None or len(foot) == 0:
             return colour
-        alpha, distance = card_alpha(self.brows, self.brow_tree, foot)
-        share = (0.9 * alpha * (1 - smooth(distance, 0.6 * BROW_REACH, BROW_REACH)))[:, None]
+        alpha, distance = card_alpha(self.brows, self.brow_alpha, self.brow_tree, foot)
+        share = (0.9 * np.minimum(1.4 * alpha, 1) * (1 - smooth(distance, 0.6 * BROW_REACH, BROW_REACH)))[
+            :, None
+        ]
         return colour * (1 - share) + self.brow_colour * share
 
     def paint_lashes(
@@ -102,9 +112,17 @@ class SkinPaint:
         """Lashes darken lids and eyes along their roots."""
         if self.lashes is None or len(foot) == 0:
             return colour
-        alpha, distance = card_alpha(self.lashes, self.lash_tree, foot)
-        share = (0.85 * np.sqrt(alpha) * (1 - smooth(distance, 0.3 * LASH_REACH, LASH_REACH)))[:, None]
+        alpha, distance = card_alpha(self.lashes, self.lash_alpha, self.lash_tree, foot)
+        share = (LASH_SHARE * np.sqrt(alpha) * (1 - smooth(distance, 0.3 * LASH_REACH, LASH_REACH)))[:, None]
         return colour * (1 - share) + LASH * share
+
+    @cached_property
+    def brow_alpha(self) -> UInt8[np.ndarray, "H W 1"]:
+        return soften(self.brows)
+
+    @cached_property
+    def lash_alpha(self) -> UInt8[np.ndarray, "H W 1"]:
+        return soften(self.lashes)
 
     @cached_property
     def brow_tree(self) -> ClosestPoints | None:
@@ -120,11 +138,22 @@ def tree_of(card: FittedGarment | None) -> ClosestPoints | None:
     return None if card is None else ClosestPoints(card.vertices.astype(np.float64), card.faces)
 
 
+def soften(card: FittedGarment | None) -> UInt8[np.ndarray, "H W 1"]:
+    """A card's alpha, blurred."""
+    if card is None:
+        return np.zeros((1, 1, 1), dtype=np.uint8)
+    width = SOFT * card.texture.shape[1] / 512
+    return gaussian_filter(card.texture[..., 3].astype(np.float32), width)[..., None].astype(np.uint8)
+
+
 def card_alpha(
-    card: FittedGarment, tree: ClosestPoints | None, points: Float64[np.ndarray, "N 3"]
+    card: FittedGarment,
+    soft_alpha: UInt8[np.ndarray, "H W 1"],
+    tree: ClosestPoints | None,
+    points: Float64[np.ndarray, "N 3"],
 ) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, " N"]]:
     """Alpha of the card's texel nearest to each point, and how far that is, m."""
     assert tree is not None
     squared, face, barycentric = tree.query(np.ascontiguousarray(points))
     uv = np.einsum("nk,nka->na", barycentric, card.uv[face])
-    return texels(card.texture, uv)[:, 3], np.sqrt(squared)
+    return texels(soft_alpha, uv)[:, 0], np.sqrt(squared)

@@ -96,6 +96,14 @@ class DressedPerson:
         high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0) + MARGIN
         return np.stack([low, high]).astype(np.float32)
 
+    @cached_property
+    def hidden(self) -> Float64[np.ndarray, " W"]:
+        """1 at the body's vertices that garments hide."""
+        hidden = np.zeros(len(self.body.vertices))
+        for worn in self.worn:
+            hidden[worn.solid.garment.hidden] = 1
+        return hidden
+
     def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
         """Signed distance to the clothed surface, m, negative inside."""
         distance, _ = self.layers(points.cpu().numpy().astype(np.float32), coloured=False)
@@ -113,10 +121,15 @@ class DressedPerson:
         hit = self.body.distance.query(points)
         distance = hit.distance.astype(np.float64)
         colour = self.paint.color(points, hit) if coloured else np.zeros((len(points), 3))
-        for worn in self.worn:
-            outer, rim, dye = worn.layer(points)
-            distance = kept_inside(distance, outer, rim)
-            distance, colour = laid_over(distance, colour, outer, dye)
+        bare = 1 - (self.hidden[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
+        laid = [worn.layer(points) for worn in self.worn]
+        for outer, _, _ in laid:
+            distance = kept_inside(distance, outer, bare)
+        for index, (outer, _, dye) in enumerate(laid):
+            inner = outer.astype(np.float64)
+            for over, rim, _ in laid[index + 1 :]:
+                inner = kept_inside(inner, over, near_edges(rim))
+            distance, colour = laid_over(distance, colour, inner, dye)
         if self.hair is not None:
             outer = self.hair_distance(points, hit)
             dye = np.zeros((len(points), 3))
@@ -133,7 +146,7 @@ class DressedPerson:
         for worn in self.worn:
             if worn.solid.garment.kind == "hat":
                 brim, rim, _ = worn.layer(points)
-                outer = kept_inside(outer, brim, rim)
+                outer = kept_inside(outer, brim, near_edges(rim))
         return outer
 
     def strand_colour(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
@@ -143,13 +156,16 @@ class DressedPerson:
         return np.array(self.attributes.hair_colour) * shade[:, None]
 
 
+def near_edges(rim: np.ndarray) -> np.ndarray:
+    """1 at the edges of a garment, where what is beneath may come out, 0 away from them."""
+    return 1 - np.clip(rim / EDGE_ZONE, 0, 1)
+
+
 def kept_inside(
-    beneath: Float64[np.ndarray, " N"], outer: np.ndarray, rim: np.ndarray
+    beneath: Float64[np.ndarray, " N"], outer: np.ndarray, free: np.ndarray
 ) -> Float64[np.ndarray, " N"]:
-    """What lies beneath a layer, cut off where it would come out of it away from its edges."""
-    free = LOOSE * (1 - np.clip(rim / EDGE_ZONE, 0, 1))
-    cut = outer + GAP - free - 4 * np.maximum(outer - CATCH, 0)
-    return np.maximum(beneath, cut)
+    """What lies beneath a layer, cut off where it would come out of it and is not `free` (1) to."""
+    return np.maximum(beneath, outer + GAP - LOOSE * free - 4 * np.maximum(outer - CATCH, 0))
 
 
 def laid_over(

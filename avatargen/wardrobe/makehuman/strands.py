@@ -23,7 +23,7 @@ OPAQUE = 0.4  # alpha from which a card counts
 BRIDGE = 0.009  # m: gaps up to twice this are closed
 MARGIN = 0.016  # m around the cards
 SOFT = 0.8  # cells, of the smoothing
-STRANDS = 3  # samples whose shades are averaged
+STRANDS = 8  # samples whose shades are averaged
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,13 +71,11 @@ class Strands:
         """How bright the strands nearest to each point are, 1 on average."""
         _, shades = self.samples
         distance, index = self.tree.query(points, k=STRANDS)
-        weight = 1 / (np.asarray(distance) + 2e-4)
+        weight = 1 / (np.asarray(distance) + 5e-4)
         return ((weight * shades[index]).sum(axis=1) / weight.sum(axis=1)).astype(np.float32)
 
 
-def closing(
-    filled: Bool[np.ndarray, "X Y Z"], hair: Bool[np.ndarray, "X Y Z"]
-) -> Bool[np.ndarray, "X Y Z"]:
+def closing(filled: Bool[np.ndarray, "X Y Z"], hair: Bool[np.ndarray, "X Y Z"]) -> Bool[np.ndarray, "X Y Z"]:
     """The morphological closing by a ball of BRIDGE, only where it is within reach of hair."""
     radius = BRIDGE / CELL
     pad = int(radius) + 2

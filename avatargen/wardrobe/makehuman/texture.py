@@ -4,9 +4,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int64, UInt8
 
 
-def texels(
-    texture: UInt8[np.ndarray, "H W C"], uv: Float[np.ndarray, "N 2"]
-) -> Float64[np.ndarray, "N C"]:
+def texels(texture: UInt8[np.ndarray, "H W C"], uv: Float[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N C"]:
     """Bilinear texture values in 0..1; outside the texture it repeats."""
     height, width = texture.shape[:2]
     x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
