@@ -214,6 +214,8 @@ def outfit_of(garment: FittedGarment) -> str:
 
 def garment_colour(draw: Draw, garment: FittedGarment) -> tuple[float, float, float] | None:
     """The colour that a garment is dyed, None for the artist's own."""
+    if "Elegant" in garment.tags and "Male" in garment.tags:  # suits are worn in dark colours
+        return draw.colour("outer", 0.05, 0.35) if draw.share("top_plain") > 0.4 else None
     if garment.kind in ("top", "outer"):
         return (
             draw.colour("top" if garment.kind == "top" else "outer")

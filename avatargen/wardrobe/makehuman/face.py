@@ -73,7 +73,7 @@ class SkinPaint:
         face = np.flatnonzero((foot[:, 1] > self.hm08.eyes[0, 1] - 0.06) & (foot[:, 2] > 0.05))
         colour[face] = self.paint_brows(colour[face], foot[face])
         seen = np.flatnonzero(eye > 0.3)
-        white = self.eye_color(foot[seen]) * (0.62 + 0.38 * smooth(eye[seen], 0.55, 1.0))[:, None]
+        white = self.eye_color(foot[seen]) * (0.5 + 0.38 * smooth(eye[seen], 0.55, 1.0))[:, None]
         share = smooth(eye[seen], 0.4, 0.6)[:, None]
         colour[seen] = colour[seen] * (1 - share) + white * share
         colour[face] = self.paint_lashes(colour[face], foot[face])

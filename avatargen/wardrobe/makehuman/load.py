@@ -42,7 +42,7 @@ class FittedGarment:
     uv: Float32[np.ndarray, "F 3 2"]
     texture: UInt8[np.ndarray, "H W 4"]  # sRGB and alpha
     z_depth: int  # higher lies further out
-    hidden: Int64[np.ndarray, " H"]  # vertices of the body that it hides
+    hidden: Int64[np.ndarray, " N"]  # vertices of the body that it hides
 
     def __post_init__(self) -> None:
         if len(self.faces) == 0 or not np.isfinite(self.vertices).all():

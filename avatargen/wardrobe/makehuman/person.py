@@ -18,8 +18,6 @@ from avatargen.avatar import AvatarInfo
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
-from avatargen.wardrobe import MARKS
-from avatargen.wardrobe.attributes import phenotype
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
 from avatargen.wardrobe.makehuman.dye import dyed, printed
 from avatargen.wardrobe.makehuman.face import SkinPaint
@@ -29,6 +27,7 @@ from avatargen.wardrobe.makehuman.pattern import pattern_places, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
 from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
+from avatargen.wardrobe.procedural import betas_of
 
 GAP = 0.0012  # m that a layer stays inside the one over it
 EDGE_ZONE = 0.012  # m along the cloth from an edge, where what is beneath may come out
@@ -201,19 +200,15 @@ class Wardrobe:
         """What the person of a seed is and wears."""
         return choose(Draw(draw_latent(seed)), self.garments, list(self.skins), list(self.irises))
 
-    def person(self, seed: int) -> DressedPerson:
+    def sample(self, seed: int) -> DressedPerson:
         """The person of a seed."""
         draw = Draw(draw_latent(seed))
         found = self.attributes(seed)
-        with np.load(MARKS, allow_pickle=False) as file:
-            to_betas = file["phenotype_to_betas"]
-        people = phenotype(draw.people).numpy()
-        betas = np.concatenate([people, np.ones((1, 1))], axis=1)[0] @ to_betas.T
         hair = self.garments.get(found.hair or "")
         return DressedPerson(
             attributes=found,
             body=self.body,
-            betas=betas.astype(np.float32),
+            betas=betas_of(draw.people),
             info=AvatarInfo(
                 seed=seed, weights_hash="wardrobe", version=__version__, licence="CC0-1.0 (MakeHuman assets)"
             ),

@@ -193,8 +193,8 @@ def whole_number(path: Path, words: list[str]) -> int:
 def binding_row(words: list[str]) -> list[float]:
     """Three indices, three weights and an offset, from one index, or from six or nine numbers."""
     if len(words) == 1:
-        return [int(words[0])] * 3 + [1.0, 0, 0, 0, 0, 0]
-    indices, numbers = [int(w) for w in words[:3]], [float(w) for w in words[3:9]]
+        return [float(int(words[0]))] * 3 + [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    indices, numbers = [float(int(w)) for w in words[:3]], [float(w) for w in words[3:9]]
     if len(numbers) not in (3, 6):
         raise ValueError("neither weights nor weights and an offset")
     return [*indices, *numbers, 0.0, 0.0, 0.0][:9]
