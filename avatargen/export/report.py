@@ -5,8 +5,7 @@ from pathlib import Path
 
 from assets.asset.asset import PlainAsset, Report
 from assets.asset.levels import level_error
-from assets.build_config import BuildConfig
-from avatargen.avatar import Avatar
+from assets.build_config import AvatarFields, BuildConfig
 from avatargen.export.fingerprint import facts
 from avatargen.export.fitting import Fit
 from avatargen.export.left_out import savings
@@ -23,7 +22,7 @@ class Made:
     report: Report
     settings: BuildConfig
     motions: tuple[Motion, ...]
-    avatar: Avatar
+    avatar: AvatarFields
     fit: Fit | None  # where settings were chosen
 
 

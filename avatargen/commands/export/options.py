@@ -27,7 +27,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.progress import Show
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many
+from avatargen.export.rules import check_chosen, check_one_or_many, check_source
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -49,6 +49,7 @@ examples:
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
+  avatar-export --seed 3 --from wardrobe --wardrobe makehuman
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 3 --lods 40000,20000,5000,1000
@@ -95,6 +96,18 @@ def add_person_options(group: _ArgumentGroup) -> None:
         type=seed_range,
         metavar="A:B",
         help="instead of one: seeds A to B - 1, into the folder --out; the same command resumes",
+    )
+    add(
+        "--from",
+        dest="source",
+        choices=("generator", "wardrobe"),
+        help="whose person: the generator's, or the wardrobe's, which it learns from (default: generator)",
+    )
+    add(
+        "--wardrobe",
+        type=Path,
+        metavar="DIR",
+        help="with --from wardrobe: a folder of MakeHuman's assets to wear (default: the procedural clothes)",
     )
     add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
@@ -276,6 +289,7 @@ def check_options(options: Namespace) -> None:
     if (options.seed is None) == (options.seeds is None):
         raise InputError("the following arguments are required: --seed or --seeds, one of them")
     many = options.seeds is not None
+    check_source(source=options.source, wardrobe=options.wardrobe, weights=options.weights)
     fixed = tuple(name for name in ("resolution", "faces", "lods") if getattr(options, name) is not None)
     check_chosen(tolerance_mm=options.tolerance_mm, budget_s=options.budget_s, fixed=fixed)
     if options.lods is not None and options.faces is not None:

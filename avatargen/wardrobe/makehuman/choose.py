@@ -28,7 +28,6 @@ NEW = (
     "bottom_item",
     "outer_item",
     "shoes_item",
-    "hat_item",
     "top_plain",
     "bottom_plain",
     "print_kind",
@@ -37,9 +36,11 @@ NEW = (
     "print_a",
     "print_b",
     "spare",
+    "spare_too",
 )
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
+PARTED = ("long01",)  # its two curtains leave a gap down the back that is no volume
 DARK_IRISES = ("brown", "brown", "brownlight")
 
 
@@ -135,7 +136,7 @@ def choose(draw: Draw, garments: dict[str, FittedGarment], skins: list[str], iri
     tint = (shade * (1 + 0.03 * warm), shade, shade * (1 - 0.07 * warm))
     options = [name for name in (DARK_IRISES if dark > 0.2 else NATURAL_IRISES) if name in irises] or irises
     worn, colours, prints = outfit(draw, garments, woman)
-    hair = hair_style(draw, garments, woman, dark, any(garments[w].kind == "hat" for w in worn))
+    hair = hair_style(draw, garments, woman, dark)
     brows = [g.name for g in garments.values() if g.kind == "brows"]
     lashes = [g.name for g in garments.values() if g.kind == "lashes"]
     return Attributes(
@@ -157,17 +158,13 @@ def choose(draw: Draw, garments: dict[str, FittedGarment], skins: list[str], iri
     )
 
 
-def hair_style(
-    draw: Draw, garments: dict[str, FittedGarment], woman: bool, dark: float, hat: bool
-) -> str | None:
-    """A style for the sex; afro hair on dark skins; under a hat what fits beneath."""
+def hair_style(draw: Draw, garments: dict[str, FittedGarment], woman: bool, dark: float) -> str | None:
+    """A style for the sex; afro hair on dark skins."""
     if not woman and draw.share("hair_style") > 0.93:
         return None
-    styles = [g for g in garments.values() if g.kind == "hair"]
+    styles = [g for g in garments.values() if g.kind == "hair" and g.name not in PARTED]
     fitting = [g for g in styles if ("Female" in g.tags) == woman or not {"Male", "Female"} & set(g.tags)]
     fitting = [g for g in fitting if "Afro" not in g.tags or dark > 0.7]
-    if hat:
-        fitting = [g for g in fitting if "Long" in g.tags or "Short" in g.tags] or fitting
     return str(draw.one_of("hair_style", tuple(sorted(g.name for g in fitting)))) if fitting else None
 
 
@@ -197,8 +194,6 @@ def outfit(
         worn += [g for g in of("top") if outfit_of(g) == outfit_of(upper)]
     if upper is not None:
         worn.append(upper)
-    if of("hat") and draw.share("hat_item") > 0.92:
-        worn.append(of("hat")[0])
     colours, prints = [], []
     for garment in worn:
         colours.append(garment_colour(draw, garment))
@@ -224,8 +219,6 @@ def garment_colour(draw: Draw, garment: FittedGarment) -> tuple[float, float, fl
         )
     if garment.kind in ("bottom", "overall"):
         return draw.colour("bottom", 0.06, 0.7) if draw.share("bottom_plain") > 0.4 else None
-    if garment.kind == "hat":
-        return draw.colour("outer", 0.06, 0.6)
     return None
 
 

@@ -69,7 +69,8 @@ def texture_corners(
 ) -> tuple[Float[np.ndarray, "T 2"], Int[np.ndarray, "F 3"]]:
     """Texture coordinates of `base.obj`, and which of them the corners of the body's faces have.
 
-    Faces that closing the body added (lips, eyes) take any coordinate of their vertices.
+    Faces that closing the body added (lips, eyes) have one coordinate: what lies between their corners on the
+    texture is no skin.
     """
     coordinates, at, of_vertex = [], {}, {}
     for line in path.read_text().splitlines():
@@ -87,10 +88,14 @@ def texture_corners(
     keys = {}
     for v, key in at:
         keys.setdefault(v, set()).add(key)
-    rows = []
-    for face in hm08_of_body[faces]:
-        shared = set.intersection(*(keys.get(int(v), set()) for v in face))
-        rows.append([at[int(v), min(shared)] if shared else of_vertex.get(int(v), 0) for v in face])
+    shared = [set.intersection(*(keys.get(int(v), set()) for v in face)) for face in hm08_of_body[faces]]
+    for face, of in zip(hm08_of_body[faces], shared, strict=True):
+        if of:  # skin's own, not that of the mouth behind the lips
+            of_vertex |= {int(v): at[int(v), min(of)] for v in face}
+    rows = [
+        [at[int(v), min(of)] if of else of_vertex.get(int(face.max()), 0) for v in face]
+        for face, of in zip(hm08_of_body[faces], shared, strict=True)
+    ]
     return np.array(coordinates), np.array(rows)
 
 

@@ -39,7 +39,7 @@ def paint_out(texture: UInt8[np.ndarray, "H W 4"], name: str) -> UInt8[np.ndarra
         fill = coons(smooth[y0:y1, x0:x1])
         beside = most_alike(colour, fill, x0, y0)
         grain = beside - gaussian_filter(beside, (GRAIN, GRAIN, 0))
-        colour[y0:y1, x0:x1] = fill + grain.clip(-12, 12)
+        colour[y0:y1, x0:x1] = fill + grain.clip(-5, 5)
     return painted.clip(0, 255).astype(np.uint8)
 
 

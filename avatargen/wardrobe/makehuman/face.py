@@ -25,7 +25,7 @@ IRIS_ON_BALL = 0.37  # of the eyeball's radius
 BROW_REACH = 0.006  # m between a brow's card and the skin under it
 LASH_REACH = 0.0016
 LASH_SHARE = 0.5
-SOFT = 3.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours are wider than a hair
+SOFT = 5.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours are wider than a hair
 BROWN = np.array([0.85, 0.52, 0.30])
 LASH = np.array([0.05, 0.035, 0.03])
 
@@ -101,7 +101,7 @@ class SkinPaint:
         if self.brows is None or len(foot) == 0:
             return colour
         alpha, distance = card_alpha(self.brows, self.brow_alpha, self.brow_tree, foot)
-        share = (0.9 * np.minimum(1.4 * alpha, 1) * (1 - smooth(distance, 0.6 * BROW_REACH, BROW_REACH)))[
+        share = (0.9 * np.minimum(1.8 * alpha, 1) * (1 - smooth(distance, 0.6 * BROW_REACH, BROW_REACH)))[
             :, None
         ]
         return colour * (1 - share) + self.brow_colour * share

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import igl
 import numpy as np
 import torch
 from jaxtyping import Float, Float32, Float64
@@ -15,7 +16,6 @@ from torch import Tensor
 
 from avatargen import __version__
 from avatargen.avatar import AvatarInfo
-from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
@@ -29,11 +29,13 @@ from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
 from avatargen.wardrobe.procedural import betas_of
 
-GAP = 0.0012  # m that a layer stays inside the one over it
+GAP = 0.003  # m that a layer stays inside the one over it
 EDGE_ZONE = 0.012  # m along the cloth from an edge, where what is beneath may come out
 LOOSE = 0.04  # m that it may come out at the edge itself
 CATCH = 0.025  # m outside a garment that what sticks out is still cut off
 SEAM = 0.0006  # m, softness of the colour's edge between layers
+AHEAD = 0.0015  # m that the layer beneath must come out to be seen: where both lie together, cloth is
+POKE = 0.015  # m that skin may stick out of cloth that runs along it, to be counted as hidden
 MARGIN = 0.04  # m around everything
 
 
@@ -65,7 +67,7 @@ class Worn:
             if self.print_kind != "plain":
                 place = np.einsum("nk,nka->na", at, self.places[hit.face[near]])
                 colour[near] = printed(colour[near], place, self.print_kind, self.ink, self.width)
-            colour[near] *= np.where(hit.rim[near] > 0, 1.0, 0.55)[:, None]  # inside a hem it is dark
+            colour[near] *= np.where(hit.rim[near] > 0, 1.0, 0.75)[:, None]  # inside a hem it is dark
         return hit.distance, hit.rim, colour
 
 
@@ -85,7 +87,7 @@ class DressedPerson:
     def seed(self) -> int:
         return self.info.seed
 
-    @cached_property
+    @property
     def bounds(self) -> Float32[np.ndarray, "2 3"]:
         """A box around everything, m."""
         clouds = [self.body.vertices, *[worn.solid.garment.vertices for worn in self.worn]]
@@ -97,10 +99,17 @@ class DressedPerson:
 
     @cached_property
     def hidden(self) -> Float64[np.ndarray, " W"]:
-        """1 at the body's vertices that garments hide."""
+        """1 at the body's vertices that garments hide: those that their files name, and what lies under or
+        just through cloth that runs along it away from its edges."""
         hidden = np.zeros(len(self.body.vertices))
+        normals = unit_normals(self.body.vertices, self.body.faces)
         for worn in self.worn:
-            hidden[worn.solid.garment.hidden] = 1
+            garment = worn.solid.garment
+            hidden[garment.hidden] = 1
+            hit = worn.solid.hit(self.body.vertices)
+            cloth = unit_normals(garment.vertices, garment.faces)[garment.faces[hit.face, 0]]
+            along = (cloth * normals).sum(axis=1) > 0.6
+            hidden[(hit.rim > EDGE_ZONE) & (hit.distance < POKE) & along] = 1
         return hidden
 
     def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
@@ -124,35 +133,31 @@ class DressedPerson:
         laid = [worn.layer(points) for worn in self.worn]
         for outer, _, _ in laid:
             distance = kept_inside(distance, outer, bare)
-        for index, (outer, _, dye) in enumerate(laid):
+        for index, (outer, rim_of, dye) in enumerate(laid):
             inner = outer.astype(np.float64)
             for over, rim, _ in laid[index + 1 :]:
                 inner = kept_inside(inner, over, near_edges(rim))
-            distance, colour = laid_over(distance, colour, inner, dye)
+            ahead = np.where(rim_of > 0, AHEAD, 0.0)  # a hem's inside is no cloth
+            distance, colour = laid_over(distance, colour, inner, dye, ahead)
         if self.hair is not None:
-            outer = self.hair_distance(points, hit)
+            outer = self.hair.distance(points).astype(np.float64)
             dye = np.zeros((len(points), 3))
             near = np.flatnonzero(outer < 0.02)
             if coloured and len(near):
                 dye[near] = self.strand_colour(points[near])
-            distance, colour = laid_over(distance, colour, outer, dye)
+            distance, colour = laid_over(distance, colour, outer, dye, np.zeros(1))
         return distance, colour
-
-    def hair_distance(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float64[np.ndarray, " N"]:
-        """Hair, kept inside a hat."""
-        assert self.hair is not None
-        outer = self.hair.distance(points).astype(np.float64)
-        for worn in self.worn:
-            if worn.solid.garment.kind == "hat":
-                brim, rim, _ = worn.layer(points)
-                outer = kept_inside(outer, brim, near_edges(rim))
-        return outer
 
     def strand_colour(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
         """The person's hair colour in the shades of the artist's strands."""
         assert self.hair is not None
         shade = (1 + 0.75 * (self.hair.shade(points) - 1)).clip(0.45, 1.7)
         return np.array(self.attributes.hair_colour) * shade[:, None]
+
+
+def unit_normals(vertices: np.ndarray, faces: np.ndarray) -> Float64[np.ndarray, "V 3"]:
+    """Unit normals of a mesh's vertices."""
+    return np.asarray(igl.per_vertex_normals(vertices.astype(np.float64), np.asarray(faces)))
 
 
 def near_edges(rim: np.ndarray) -> np.ndarray:
@@ -172,9 +177,11 @@ def laid_over(
     colour: Float64[np.ndarray, "N 3"],
     outer: np.ndarray,
     dye: Float64[np.ndarray, "N 3"],
+    ahead: np.ndarray,
 ) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-    """Union of two layers; the colour is that of the one further out."""
-    seen = 1 / (1 + np.exp(np.clip((outer - beneath) / SEAM, -30, 30)))
+    """Union of two layers; the colour is that of the one further out, which the one beneath must be by
+    `ahead` (m)."""
+    seen = 1 / (1 + np.exp(np.clip((outer - beneath - ahead) / SEAM, -30, 30)))
     return np.minimum(beneath, outer), colour + (dye - colour) * seen[:, None]
 
 

@@ -117,7 +117,7 @@ class Solid:
         if len(near):
             asked = np.ascontiguousarray(points[near], dtype=np.float64)
             squared, closest, corners = self.closed_tree.query(asked)
-            inside = igl.fast_winding_number(vertices, faces, asked) > 0.5
+            inside = np.asarray(igl.fast_winding_number(vertices, faces, asked)) > 0.5
             distance[near] = np.where(inside, -1, 1) * np.sqrt(squared)
             on_fan = closest >= len(self.garment.faces)
             rim[near] = np.where(on_fan, 0, (self.rims[faces[closest]] * corners).sum(axis=1))

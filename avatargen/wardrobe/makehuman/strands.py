@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
-from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
+from scipy.ndimage import binary_fill_holes, distance_transform_edt, gaussian_filter, map_coordinates
 from scipy.spatial import KDTree
 
 from avatargen.body.distance import BodyDistance
@@ -20,7 +20,7 @@ from avatargen.wardrobe.makehuman.texture import sample_surface, texels
 CELL = 0.002  # m
 SPACING = 0.0012  # m between samples
 OPAQUE = 0.4  # alpha from which a card counts
-BRIDGE = 0.009  # m: gaps up to twice this are closed
+BRIDGE = 0.006  # m: gaps up to twice this are closed
 MARGIN = 0.016  # m around the cards
 SOFT = 0.8  # cells, of the smoothing
 STRANDS = 8  # samples whose shades are averaged
@@ -75,19 +75,24 @@ class Strands:
         return ((weight * shades[index]).sum(axis=1) / weight.sum(axis=1)).astype(np.float32)
 
 
+def cells_to(filled: Bool[np.ndarray, "X Y Z"]) -> Float64[np.ndarray, "X Y Z"]:
+    """How far it is from each cell to the next filled one, in cells."""
+    return np.asarray(distance_transform_edt(~filled))
+
+
 def closing(filled: Bool[np.ndarray, "X Y Z"], hair: Bool[np.ndarray, "X Y Z"]) -> Bool[np.ndarray, "X Y Z"]:
-    """The morphological closing by a ball of BRIDGE, only where it is within reach of hair."""
+    """The morphological closing by a ball of BRIDGE, and what it encloses, where that is near hair."""
     radius = BRIDGE / CELL
     pad = int(radius) + 2
     wide = np.pad(filled, pad)
-    swollen = distance_transform_edt(~wide) <= radius
-    closed = distance_transform_edt(swollen) > radius
-    closed = closed[pad:-pad, pad:-pad, pad:-pad] | filled
-    return closed & (distance_transform_edt(~hair) <= 2.5 * radius)
+    swollen = cells_to(wide) <= radius
+    closed = cells_to(~swollen) > radius
+    closed = np.asarray(binary_fill_holes(closed[pad:-pad, pad:-pad, pad:-pad] | filled))
+    return closed & (cells_to(hair) <= 4 * radius)
 
 
 def signed(filled: Bool[np.ndarray, "X Y Z"]) -> Float32[np.ndarray, "X Y Z"]:
     """Signed distance to a filled grid, m, smoothed; half a cell further out, which smoothing takes back."""
-    outside, inside = distance_transform_edt(~filled), distance_transform_edt(filled)
+    outside, inside = cells_to(filled), cells_to(~filled)
     distance = np.where(filled, 0.5 - inside, outside - 0.5) - 0.5
     return (CELL * gaussian_filter(distance, SOFT)).astype(np.float32)
