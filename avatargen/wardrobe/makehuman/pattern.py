@@ -1,7 +1,8 @@
 """A garment's pattern pieces: the islands of its texture, and where their points lie in metres."""
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Bool, Float64, Int64, UInt8
+from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.draw import polygon
@@ -52,6 +53,12 @@ def piece_scale(corners: Float64[np.ndarray, "f 3 3"], uv: Float64[np.ndarray, "
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
     flat_area = np.abs(flat[:, 0, 0] * flat[:, 1, 1] - flat[:, 0, 1] * flat[:, 1, 0]).sum()
     return float(np.sqrt(area / max(flat_area, 1e-12)))
+
+
+def padded(texture: UInt8[np.ndarray, "H W 4"], used: Bool[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W 4"]:
+    """The texture with every other texel as the nearest used one, so that no background shows at seams."""
+    rows, columns = np.asarray(distance_transform_edt(~used, return_distances=False, return_indices=True))
+    return texture[rows, columns]
 
 
 def used_texels(garment: FittedGarment) -> Bool[np.ndarray, "H W"]:

@@ -23,7 +23,7 @@ from avatargen.wardrobe.makehuman.dye import dyed, printed
 from avatargen.wardrobe.makehuman.face import SkinPaint
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_folder, read_texture
-from avatargen.wardrobe.makehuman.pattern import pattern_places, used_texels
+from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
 from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
@@ -251,9 +251,9 @@ class Wardrobe:
     ) -> Worn:
         """A garment in one person's colours."""
         garment = self.garments[name]
-        texture = garment.texture
-        if colour is not None:
-            texture = dyed(texture, used_texels(garment), colour)
+        used = used_texels(garment)
+        texture = garment.texture if colour is None else dyed(garment.texture, used, colour)
+        texture = padded(texture, used)
         return Worn(
             solid=Solid(garment=garment),
             texture=texture,
