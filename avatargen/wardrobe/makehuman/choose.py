@@ -191,7 +191,7 @@ def outfit(
     if (upper is None or upper.kind != "overall") and of("bottom"):
         worn.append(draw.one_of("bottom_item", of("bottom")))
     if upper is not None and upper.kind in ("outer", "overall"):
-        worn += [g for g in of("top") if outfit_of(g) == outfit_of(upper)]
+        worn += [g for g in garments.values() if g.kind == "top" and outfit_of(g) == outfit_of(upper)]
     if upper is not None:
         worn.append(upper)
     colours, prints = [], []

@@ -4,6 +4,8 @@ Colours change in CIELAB: the mean becomes the one asked for and what differs fr
 and wear are kept. Prints are laid in the plane of the texture's pattern pieces, by their size in metres.
 """
 
+import warnings
+
 import numpy as np
 from jaxtyping import Bool, Float, Float64, UInt8
 from skimage.color import lab2rgb, rgb2lab
@@ -24,7 +26,9 @@ def dyed(
     contrast = np.clip(0.35 + wanted[0] / max(middle[0], 25.0), 0.4, 1.2)
     new = wanted + (lab - middle) * np.array([contrast, TRIM, TRIM])
     out = texture.copy()
-    out[..., :3] = (lab2rgb(new).clip(0, 1) * 255).round().astype(np.uint8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of colours beyond sRGB, which are clipped here
+        out[..., :3] = (lab2rgb(new).clip(0, 1) * 255).round().astype(np.uint8)
     return out
 
 

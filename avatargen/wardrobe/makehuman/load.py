@@ -111,7 +111,7 @@ def load_asset(path: Path, hm08: Hm08) -> list[FittedGarment]:
     return garments
 
 
-def sort_pieces(hm08: Hm08, binding: Binding, mesh: Mesh) -> tuple[list[Int64[np.ndarray, " f"]], list[str]]:
+def sort_pieces(hm08: Hm08, binding: Binding, mesh: Mesh) -> tuple[list[np.ndarray], list[str]]:
     """The faces of each garment of an outfit, and what it is.
 
     Shoes and socks are pairs. What is small beside another piece of its kind is part of that (lapels, belts);
@@ -136,8 +136,8 @@ def hidden_by(
     binding: Binding,
     vertices: Float[np.ndarray, "V 3"],
     mesh: Mesh,
-    parts: list[Int64[np.ndarray, " f"]],
-) -> list[Int64[np.ndarray, " H"]]:
+    parts: list[np.ndarray],
+) -> list[np.ndarray]:
     """The body's vertices that each piece hides: those of the outfit that lie nearest to it."""
     hidden = hm08.hidden_body(binding.hidden)
     at = hm08.body_at_rest[hidden]

@@ -131,8 +131,8 @@ class DressedPerson:
         colour = self.paint.color(points, hit) if coloured else np.zeros((len(points), 3))
         bare = 1 - (self.hidden[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
         laid = [worn.layer(points) for worn in self.worn]
-        for outer, _, _ in laid:
-            distance = kept_inside(distance, outer, bare)
+        for outer, rim, _ in laid:
+            distance = kept_inside(distance, outer, np.maximum(bare, near_edges(rim)))
         for index, (outer, rim_of, dye) in enumerate(laid):
             inner = outer.astype(np.float64)
             for over, rim, _ in laid[index + 1 :]:

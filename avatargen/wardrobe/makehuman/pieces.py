@@ -13,9 +13,7 @@ from scipy.spatial import KDTree
 SMALL = 130  # vertices; MakeHuman's ties and collars have more, its buckles and buttons fewer
 
 
-def pieces_of(
-    vertices: Float[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]
-) -> list[Int64[np.ndarray, " f"]]:
+def pieces_of(vertices: Float[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> list[np.ndarray]:
     """The faces of each garment of a mesh, large ones first."""
     ends = np.concatenate([faces[:, :2], faces[:, 1:]])
     graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(vertices),) * 2)
