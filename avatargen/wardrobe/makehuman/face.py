@@ -27,6 +27,7 @@ LASH_REACH = 0.0016
 LASH_SHARE = 0.5
 SOFT = 5.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours are wider than a hair
 BROWN = np.array([0.85, 0.52, 0.30])
+UNDERWEAR = np.array([0.78, 0.77, 0.75])
 LASH = np.array([0.05, 0.035, 0.03])
 
 
@@ -34,6 +35,11 @@ def smooth(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Smoothstep from 0 at low to 1 at high."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
+
+
+def band(x: np.ndarray, low: float, high: float) -> np.ndarray:
+    """1 from low to high (m), 0 beyond, with edges of two millimetres."""
+    return smooth(x, low - 0.001, low + 0.001) * (1 - smooth(x, high - 0.001, high + 0.001))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +53,7 @@ class SkinPaint:
     brows: FittedGarment | None
     lashes: FittedGarment | None
     brow_colour: Float64[np.ndarray, "3"]
+    chest_covered: bool  # underwear is always on: briefs, and this adds a top
 
     @cached_property
     def corners(self) -> Float64[np.ndarray, "F 3 2"]:
@@ -69,6 +76,7 @@ class SkinPaint:
         uv = np.einsum("nk,nka->na", hit.barycentric, self.corners[hit.face])
         colour = texels(self.skin, uv)[:, :3]
         foot = np.einsum("nk,nka->na", hit.barycentric, self.body.vertices[self.body.faces[hit.face]])
+        colour += (UNDERWEAR - colour) * self.underwear(foot)[:, None]
         eye = (self.on_eye[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
         face = np.flatnonzero((foot[:, 1] > self.hm08.eyes[0, 1] - 0.06) & (foot[:, 2] > 0.05))
         colour[face] = self.paint_brows(colour[face], foot[face])
@@ -78,6 +86,15 @@ class SkinPaint:
         colour[seen] = colour[seen] * (1 - share) + white * share
         colour[face] = self.paint_lashes(colour[face], foot[face])
         return colour.clip(0, 1)
+
+    def underwear(self, foot: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        """1 on the parts of the skin that nobody sees."""
+        names, joints = self.body.joint_names, self.body.joints
+        hip, shoulder = (joints[names.index(name), 1] for name in ("left_hip", "left_shoulder"))
+        torso = 1 - smooth(np.abs(foot[:, 0]), 0.20, 0.205)
+        briefs = band(foot[:, 1], hip - 0.12, hip + 0.05)
+        top = band(foot[:, 1], shoulder - 0.22, shoulder - 0.09) * float(self.chest_covered)
+        return torso * np.maximum(briefs, top)
 
     def eye_color(self, foot: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
         """Iris, pupil and white of the nearer eye, looking ahead."""

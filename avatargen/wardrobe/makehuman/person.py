@@ -226,6 +226,7 @@ class Wardrobe:
                 iris=read_texture(self.irises[found.eyes]),
                 brows=self.garments.get(found.brows),
                 lashes=self.garments.get(found.lashes),
+                chest_covered=found.sex == "woman",
                 brow_colour=0.55 * np.array(found.hair_colour) + 0.02,
             ),
             worn=tuple(
