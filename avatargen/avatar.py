@@ -9,6 +9,7 @@ shape.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -46,6 +47,13 @@ GPU_CHUNK = 1 << 18
 BOX_MARGIN = 0.05  # metres around the body that an avatar's box always has
 
 
+@runtime_checkable
+class Described(Protocol):
+    """Attributes that can be told as names and values."""
+
+    def facts(self) -> dict[str, str | int | float]: ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class AvatarInfo:
     """Where an avatar comes from, and who it is where that is known."""
@@ -55,7 +63,7 @@ class AvatarInfo:
     version: str
     licence: str
     height_m: float  # of the body, crown of the head to the soles
-    attributes: Attributes | None = None
+    attributes: Described | None = None
 
     @property
     def facts(self) -> tuple[tuple[str, str | int | float], ...]:
@@ -85,7 +93,7 @@ class Avatar:
     @property
     def attributes(self) -> Attributes | None:
         """The person in words; None where the weights do not say, or the person is drawn to the mean."""
-        return self.info.attributes
+        return self.info.attributes if isinstance(self.info.attributes, Attributes) else None
 
     @torch.inference_mode()
     def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:

@@ -24,6 +24,11 @@ ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--seed": (ONE, ("--seed", "4")),
     "--seeds": (MANY, ("--seeds", "0:3", "--out", "crowd")),
+    "--from": (ONE, (*ONE, "--from", "wardrobe")),
+    "--wardrobe": (
+        (*ONE, "--from", "wardrobe"),
+        (*ONE, "--from", "wardrobe", "--wardrobe", "folder"),
+    ),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
@@ -87,6 +92,7 @@ def in_a_folder_with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     for name in ("a.npz", "b.npz", "a.safetensors"):
         Path(name).write_bytes(b"as it was")
     Path("a.json").write_text('{"hair": "bob"}')
+    Path("folder").mkdir()
 
 
 def changed_fields(before: ExportRequest, after: ExportRequest) -> set[str]:
@@ -244,7 +250,7 @@ def test_paths_for_a_cluster_mean_the_same_anywhere() -> None:
 def test_help_and_the_page_of_options_tell_the_defaults() -> None:
     """docs/cli.md is what `python -m tests.cli_page` writes."""
     assert cli_page.PAGE.read_text() == cli_page.page()
-    words = {"content", "format", "out", "normal_map", "jobs"}  # whose default is no value
+    words = {"content", "format", "out", "normal_map", "jobs", "wardrobe"}  # whose default is no value
     usual = {each.name: value for each, value in settings(parse(ONE))}
     usual |= {"texture_format": usual["pictures"], "compress": "none", "ambient_occlusion": "0"}
     told = {each.dest: cli_page.default_of(each) for each in OPTIONS if cli_page.default_of(each)}

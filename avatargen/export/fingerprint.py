@@ -70,8 +70,12 @@ def plain(value: Any, of_file: OfFile) -> object:
 
 
 def digest(path: Path) -> str:
-    """Of a file's contents. Raises InputError where it cannot be read."""
+    """Of the contents of a file, or of all in a folder. Raises InputError where it cannot be read."""
     try:
+        if path.is_dir():
+            inside = sorted(each for each in path.rglob("*") if each.is_file())
+            lines = [f"{each.relative_to(path)} {digest(each)}\n" for each in inside]
+            return hashlib.sha256("".join(lines).encode()).hexdigest()
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(f"found no file {path}; check the path") from error

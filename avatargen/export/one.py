@@ -9,7 +9,6 @@ from pathlib import Path
 
 import torch
 
-import avatargen
 from assets.asset.animate import animate
 from assets.asset.asset import Asset
 from assets.asset.joints import body_on
@@ -19,11 +18,11 @@ from assets.build_config import BuildConfig
 from assets.clock import Progress
 from assets.pipeline import build_content
 from avatargen.atomic import check_writable, write_together
-from avatargen.avatar import AvatarSampler
 from avatargen.body.pose import load_pose
 from avatargen.errors import InputError
 from avatargen.export.fitting import build_fitted
 from avatargen.export.motions import finish_motions, load_motions
+from avatargen.export.people import People, open_people
 from avatargen.export.report import Made, make_report
 from avatargen.export.request import ExportRequest
 from avatargen.motion.motion import Motion
@@ -73,7 +72,7 @@ class Workshop:
 
     request: ExportRequest
     settings: BuildConfig
-    generator: AvatarSampler
+    people: People
     motions: tuple[Motion, ...]  # of files
 
 
@@ -137,12 +136,12 @@ def open_workshop(request: ExportRequest) -> Workshop:
     """
     require_device(request.device)
     motions = load_motions(request)
-    generator = avatargen.load_generator(request.weights, body=request.body, device=request.device)
+    people = open_people(request)
     settings = request.build
     if request.pose_file is not None:
-        joint_names = body_on(generator.body, settings.joints).joint_names
+        joint_names = body_on(people.body, settings.joints).joint_names
         settings = replace(settings, pose=load_pose(request.pose_file, joint_names))
-    return Workshop(request=request, settings=settings, generator=generator, motions=motions)
+    return Workshop(request=request, settings=settings, people=people, motions=motions)
 
 
 def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
@@ -153,7 +152,7 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
     """
     request, settings = workshop.request, workshop.settings
     with watch.stage("sample"):
-        avatar = workshop.generator.sample(seed, traits=workshop.request.traits)
+        avatar = workshop.people.sample(seed)
     fit = None
     if request.chosen:
         fit = build_fitted(avatar, settings, request, watch.total(), watch.show_build)

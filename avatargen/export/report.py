@@ -5,8 +5,7 @@ from pathlib import Path
 
 from assets.asset.asset import PlainAsset, Report
 from assets.asset.levels import level_error
-from assets.build_config import BuildConfig
-from avatargen.avatar import Avatar
+from assets.build_config import AvatarFields, BuildConfig
 from avatargen.export.fingerprint import facts
 from avatargen.export.fitting import Fit
 from avatargen.export.left_out import savings
@@ -23,7 +22,7 @@ class Made:
     report: Report
     settings: BuildConfig
     motions: tuple[Motion, ...]
-    avatar: Avatar
+    avatar: AvatarFields
     fit: Fit | None  # where settings were chosen
 
 
@@ -44,7 +43,7 @@ def make_report(
         "version": asset.info.version,
         "weights_hash": asset.info.weights_hash,
         "licence": asset.info.licence,
-        "height_m": round(made.avatar.height, 4),
+        "height_m": asset.info.height_m and round(asset.info.height_m, 4),
         "attributes": dict(asset.info.facts) or None,
         "vertices": len(asset.vertices),
         "faces": len(asset.faces),

@@ -15,13 +15,14 @@ from assets.build_config import BuildConfig
 from assets.plan import CONTENTS
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many
+from avatargen.export.rules import check_chosen, check_one_or_many, check_source
 from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
 from exporters.export import require_encoding
 
 Clip = Literal["idle", "walk", "wave", "range"]
+Source = Literal["generator", "wardrobe"]
 Names = Literal["smpl", "mixamo", "unity", "unreal"]
 NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
 
@@ -37,6 +38,8 @@ class ExportRequest:
 
     # what: the avatars
     seeds: int | range = field(metadata=no_byte("says which files there are; each depends on its own seed"))
+    source: Source = "generator"  # wardrobe: the people that the generator learns from
+    wardrobe: Path | None = None  # of the wardrobe's people: a folder of MakeHuman's assets that they wear
     weights: Path | None = None  # of another generator than the shipped one
     body: Path | None = None  # in SMPL's format: .npz or .pkl
     traits: Traits = field(default_factory=Traits)  # what was chosen of the people
@@ -70,6 +73,12 @@ class ExportRequest:
 
     def __post_init__(self) -> None:
         check_seeds(self.seeds)
+        check_source(
+            source=self.source,
+            wardrobe=self.wardrobe,
+            weights=self.weights,
+            chosen=bool(self.traits.given()),
+        )
         check_one_or_many(
             many=self.many,
             jobs=self.jobs,

@@ -30,6 +30,27 @@ def check_one_or_many(
         raise InputError(f"found --preview {preview}; give a name that ends in .png")
 
 
+def check_source(*, source: str | None, wardrobe: Path | None, weights: Path | None, chosen: bool) -> None:
+    """Raises InputError for files of people that are not asked for, a wardrobe that is no folder, or traits
+    that were chosen of the wardrobe's people.
+    """
+    if source == "wardrobe" and chosen:
+        raise InputError(
+            "found traits with --from wardrobe, whose people are drawn by their seed alone; leave one out"
+        )
+    if source == "wardrobe" and weights is not None:
+        raise InputError(
+            "found --from wardrobe with --weights; the wardrobe has none, so leave --weights out"
+        )
+    if source != "wardrobe" and wardrobe is not None:
+        raise InputError("found --wardrobe without --from wardrobe; give both")
+    if wardrobe is not None and not wardrobe.is_dir():
+        raise InputError(
+            f"found no folder {wardrobe}; get MakeHuman's assets (CC0, makehumancommunity.org) and name the "
+            "folder that holds clothes/, hair/, skins/ and eyes/, or leave --wardrobe out"
+        )
+
+
 def check_chosen(*, tolerance_mm: float | None, budget_s: float | None, fixed: tuple[str, ...]) -> None:
     """Raises InputError where resolution and faces are to be chosen in two ways; `fixed` names options that
     set them."""

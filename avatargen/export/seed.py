@@ -40,6 +40,6 @@ class SeedExporter:
             bytes=sum(len(data) for _, data in files),
             faces=len(made.asset.faces),
             error_mm=made.report.error.facts(),
-            height_m=round(made.avatar.height, 4),
+            height_m=made.asset.info.height_m and round(made.asset.info.height_m, 4),
             seconds=round(time.perf_counter() - started, 3),
         )

@@ -28,7 +28,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.progress import Show
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many
+from avatargen.export.rules import check_chosen, check_one_or_many, check_source
 from avatargen.wardrobe.choosing import VALUES, Traits, read_traits, shown, traits_of, worn_by
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ examples:
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seed 3 --gender woman --hair long --bottom dress --height 1.70m
+  avatar-export --seed 3 --from wardrobe --wardrobe makehuman
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 3 --lods 40000,20000,5000,1000
@@ -98,6 +99,18 @@ def add_person_options(group: _ArgumentGroup) -> None:
         type=seed_range,
         metavar="A:B",
         help="instead of one: seeds A to B - 1, into the folder --out; the same command resumes",
+    )
+    add(
+        "--from",
+        dest="source",
+        choices=("generator", "wardrobe"),
+        help="whose person: the generator's, or the wardrobe's, which it learns from (default: generator)",
+    )
+    add(
+        "--wardrobe",
+        type=Path,
+        metavar="DIR",
+        help="with --from wardrobe: a folder of MakeHuman's assets to wear (default: the procedural clothes)",
     )
     add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
@@ -313,6 +326,12 @@ def check_options(options: Namespace) -> None:
         budget_s=options.budget_s,
     )
     options.traits = chosen_traits(options)
+    check_source(
+        source=options.source,
+        wardrobe=options.wardrobe,
+        weights=options.weights,
+        chosen=bool(options.traits.given()),
+    )
     options.format = output_format(options)
     outputs = () if many else (options.out or Path(f"avatar_{options.seed}.{options.format}"),)
     for output in (*outputs, options.report, options.preview):

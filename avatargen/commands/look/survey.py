@@ -5,9 +5,10 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+import tyro
 
 from avatargen.commands.line import run_command
 
@@ -30,6 +31,10 @@ class Options:
     """How many seeds."""
     weights: Path | None = None
     """Other weights than those that come with the package."""
+    source: Annotated[Literal["generator", "wardrobe"], tyro.conf.arg(name="from")] = "generator"
+    """Whose people: the generator's, or the wardrobe's, which it learns from."""
+    wardrobe: Path | None = None
+    """With --from wardrobe: a folder of MakeHuman's assets to wear."""
     height: int = 384
     """Pixels of each picture."""
     files: bool = True
@@ -51,8 +56,6 @@ class Row:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
     options = tyro.cli(Options, prog=PROGRAM, args=arguments)
     return run_command(PROGRAM, lambda: run(options))
 
@@ -63,20 +66,24 @@ def run(options: Options) -> None:
     Raises:
         GeometryError: some seeds could not be built; the others are written all the same.
     """
-    import avatargen
     from assets import build
     from assets.errors import GeometryError
     from assets.picture.preview import PreviewConfig, render
     from avatargen.atomic import write_atomically
+    from avatargen.export.people import open_people
+    from avatargen.export.request import ExportRequest
     from exporters.glb import encode
 
-    generator = avatargen.load_generator(options.weights)
+    request = ExportRequest(
+        seeds=options.first, source=options.source, wardrobe=options.wardrobe, weights=options.weights
+    )
+    people = open_people(request)
     options.out.mkdir(parents=True, exist_ok=True)
     rows, figures, faces, failed = [], [], [], []
     for seed in range(options.first, options.first + options.count):
         started = time.perf_counter()
         try:
-            asset = build(generator.sample(seed))
+            asset = build(people.sample(seed))
         except GeometryError as error:
             print(f"seed {seed}: {error}", flush=True)
             failed.append(seed)

@@ -1,0 +1,128 @@
+"""A garment as a closed volume: where a point lies from its surface, and where on its texture.
+
+Cloth is an open sheet. Each of its openings is closed by a fan, so that the body within counts as inside; the
+sign is the winding number (Jacobson et al. 2013, Barill et al. 2018), which is right also where pieces of
+cloth overlap. What the fans add is inside the body or in the shadow of a hem.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import igl
+import numpy as np
+from jaxtyping import Float32, Float64, Int64
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from avatargen.body.closest import ClosestPoints
+from avatargen.wardrobe.makehuman.load import FittedGarment
+
+
+@dataclass(frozen=True, kw_only=True)
+class GarmentHit:
+    """Points as a garment sees them."""
+
+    distance: Float32[np.ndarray, " N"]  # m, negative inside
+    rim: Float32[np.ndarray, " N"]  # m along the cloth from the closest point to an edge; 0 on the fans
+    face: Int64[np.ndarray, " N"]  # of the sheet, the closest one
+    barycentric: Float64[np.ndarray, "N 3"]
+
+
+def boundary_loops(faces: Int64[np.ndarray, "F 3"]) -> list[Int64[np.ndarray, " n"]]:
+    """The closed walks along edges that one face alone has, in the faces' direction."""
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    count = int(faces.max()) + 1
+    there, back = ends[:, 0] * count + ends[:, 1], ends[:, 1] * count + ends[:, 0]
+    open_ends = ends[~np.isin(there, back)]
+    following: dict[int, list[int]] = {}
+    for start, end in open_ends:
+        following.setdefault(int(start), []).append(int(end))
+    loops = []
+    while following:
+        start = next(iter(following))
+        walk = [start]
+        while True:
+            steps = following.get(walk[-1])
+            if not steps:
+                break
+            step = steps.pop()
+            if not steps:
+                del following[walk[-1]]
+            if step == start:
+                break
+            walk.append(step)
+        if len(walk) > 2:
+            loops.append(np.array(walk))
+    return loops
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solid:
+    """A fitted garment as a volume."""
+
+    garment: FittedGarment
+
+    @cached_property
+    def loops(self) -> list[Int64[np.ndarray, " n"]]:
+        return boundary_loops(self.garment.faces)
+
+    @cached_property
+    def closed(self) -> tuple[Float64[np.ndarray, "W 3"], Int64[np.ndarray, "G 3"]]:
+        """Vertices and faces of the sheet, then of the fans."""
+        vertices, faces = self.garment.vertices.astype(np.float64), self.garment.faces
+        centres, fans = [], []
+        for loop in self.loops:
+            centre = len(vertices) + len(centres)
+            centres.append(vertices[loop].mean(axis=0))
+            fans.append(np.stack([np.roll(loop, -1), loop, np.full(len(loop), centre)], axis=1))
+        return np.concatenate([vertices, *[c[None] for c in centres]]), np.concatenate([faces, *fans])
+
+    @cached_property
+    def rims(self) -> Float64[np.ndarray, " W"]:
+        """Each vertex's way along the cloth to its nearest edge, m; 0 in the fans."""
+        vertices, _ = self.closed
+        faces = self.garment.faces
+        ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        length = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) + 1e-9
+        graph = csr_matrix((length, (ends[:, 0], ends[:, 1])), shape=(len(vertices),) * 2)
+        if not self.loops:
+            return np.full(len(vertices), 1.0)
+        way = dijkstra(graph, directed=False, indices=np.concatenate(self.loops), min_only=True)
+        way[len(self.garment.vertices) :] = 0.0
+        return np.minimum(np.nan_to_num(way, posinf=1.0), 1.0)
+
+    @cached_property
+    def sheet_tree(self) -> ClosestPoints:
+        return ClosestPoints(self.garment.vertices.astype(np.float64), self.garment.faces)
+
+    @cached_property
+    def closed_tree(self) -> ClosestPoints:
+        return ClosestPoints(*self.closed)
+
+    def distance(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        """Signed distance to the closed volume, m."""
+        return self.hit(points, self.garment.vertices.max()).distance
+
+    def hit(self, points: Float32[np.ndarray, "N 3"], reach: float = 0.05) -> GarmentHit:
+        """Distances and closest points. Further than `reach` (m) off the garment's box, the distance to the
+        box stands for it."""
+        vertices, faces = self.closed
+        low, high = self.garment.vertices.min(axis=0), self.garment.vertices.max(axis=0)
+        off = np.linalg.norm(points - np.clip(points, low, high), axis=1)
+        near = np.flatnonzero(off < reach)
+        distance = np.maximum(off, 0.8 * reach).astype(np.float32)
+        rim = np.zeros(len(points), dtype=np.float32)
+        face = np.zeros(len(points), dtype=np.int64)
+        barycentric = np.tile(np.array([1.0, 0, 0]), (len(points), 1))
+        if len(near):
+            asked = np.ascontiguousarray(points[near], dtype=np.float64)
+            squared, closest, corners = self.closed_tree.query(asked)
+            inside = np.asarray(igl.fast_winding_number(vertices, faces, asked)) > 0.5
+            distance[near] = np.where(inside, -1, 1) * np.sqrt(squared)
+            on_fan = closest >= len(self.garment.faces)
+            rim[near] = np.where(on_fan, 0, (self.rims[faces[closest]] * corners).sum(axis=1))
+            if on_fan.any():  # colours are those of the cloth nearest by
+                _, again, weights = self.sheet_tree.query(asked[on_fan])
+                closest[on_fan], corners[on_fan] = again, weights
+            face[near], barycentric[near] = closest, corners
+        return GarmentHit(distance=distance, rim=rim, face=face, barycentric=barycentric)

@@ -1,0 +1,290 @@
+"""MakeHuman's files read, fitted and made volumes: a tube shirt made in code, and the real ones if there.
+
+AVATARGEN_WARDROBE names a folder of MakeHuman's assets; without it, shared/wardrobe/makehuman beside the
+project is looked for.
+"""
+
+import os
+from pathlib import Path
+
+import igl
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from skimage.color import rgb2lab
+
+from avatargen.avatar import shipped
+from avatargen.body.load import load_body
+from avatargen.body.model import canonical_body
+from avatargen.errors import InputError
+from avatargen.wardrobe.attributes import LATENT_SIZE
+from avatargen.wardrobe.makehuman.choose import FULL_SIZE, draw_latent
+from avatargen.wardrobe.makehuman.dye import dyed
+from avatargen.wardrobe.makehuman.emblems import EMBLEMS, paint_out
+from avatargen.wardrobe.makehuman.fit import at_rest, fit
+from avatargen.wardrobe.makehuman.hm08 import load_hm08
+from avatargen.wardrobe.makehuman.load import FittedGarment, load_asset, load_folder
+from avatargen.wardrobe.makehuman.pattern import pattern_places
+from avatargen.wardrobe.makehuman.person import Wardrobe, unit_normals
+from avatargen.wardrobe.makehuman.pool import load_pool
+from avatargen.wardrobe.makehuman.read import Binding, read_binding, read_mesh
+from avatargen.wardrobe.makehuman.solid import Solid, boundary_loops
+from avatargen.wardrobe.makehuman.strands import CELL, Strands
+
+REAL = Path(
+    os.environ.get("AVATARGEN_WARDROBE")
+    or Path(__file__).resolve().parent.parent.parent / "shared" / "wardrobe" / "makehuman"
+)
+real = pytest.mark.skipif(
+    not REAL.is_dir(), reason="no folder of MakeHuman's assets; AVATARGEN_WARDROBE names one"
+)
+AROUND, RINGS = 48, 16
+
+
+@pytest.fixture(scope="module")
+def hm08():
+    return load_hm08()
+
+
+@pytest.fixture(scope="module")
+def body():
+    return canonical_body(load_body(shipped("body.npz")))
+
+
+@pytest.fixture(scope="module")
+def tube(hm08, tmp_path_factory) -> Path:
+    """A folder with a tube around the torso, bound to three vertices of the base mesh a vertex."""
+    folder = tmp_path_factory.mktemp("assets")
+    home = folder / "clothes" / "tube"
+    home.mkdir(parents=True)
+    floor, tall = hm08.rest[:, 1].min(), np.ptp(hm08.rest[:, 1])
+    angle = np.arange(AROUND) * 2 * np.pi / AROUND
+    heights = floor + tall * np.linspace(0.52, 0.78, RINGS)
+    points = np.array([[0.26 * np.sin(a), y, 0.02 + 0.22 * np.cos(a)] for y in heights for a in angle])
+    torso = np.flatnonzero(np.abs(hm08.rest[:13380, 0]) < 0.2)
+    lines = []
+    for point in points:
+        near = torso[np.argsort(((hm08.rest[torso] - point) ** 2).sum(axis=1))[:3]]
+        offset = 10 * (point - hm08.rest[near].mean(axis=0))
+        lines.append(
+            " ".join(map(str, near))
+            + " 0.33333333 0.33333333 0.33333334 "
+            + " ".join(f"{n:.7f}" for n in offset)
+        )
+    corners = [
+        [ring * AROUND + i, ring * AROUND + k, (ring + 1) * AROUND + k, (ring + 1) * AROUND + i]
+        for ring in range(RINGS - 1)
+        for i, k in zip(range(AROUND), np.roll(range(AROUND), -1), strict=True)
+    ]
+    obj = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in 10 * points]
+    obj += [f"vt {(k % AROUND) / AROUND:.5f} {(k // AROUND) / (RINGS - 1):.5f}" for k in range(len(points))]
+    obj += ["f " + " ".join(f"{v + 1}/{v + 1}" for v in quad) for quad in corners]
+    (home / "tube.obj").write_text("\n".join(obj))
+    text = "basemesh hm08\nname tube\ntag Female\nobj_file tube.obj\nmaterial tube.mhmat\nz_depth 40\n"
+    text += "verts 0\n" + "\n".join(lines) + "\ndelete_verts\n4000 - 4010 4020\n"
+    (home / "tube.mhclo").write_text(text)
+    (home / "tube.mhmat").write_text("name tube\ndiffuseTexture tube.png\n")
+    shade = np.tile(np.linspace(60, 200, 64, dtype=np.uint8)[:, None, None], (1, 64, 3))
+    Image.fromarray(shade).save(home / "tube.png")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def shirt(tube) -> FittedGarment:
+    (garment,) = load_folder(tube)
+    return garment
+
+
+def test_what_is_bound_to_the_bodys_own_vertices_lands_on_the_canonical_body(hm08, body):
+    mine = np.flatnonzero(hm08.hm08_of_body >= 0)
+    index = hm08.hm08_of_body[mine]
+    alone = Binding(
+        name="", tags=(), mesh=Path(), material=None, z_depth=0, scales=(None, None, None),
+        indices=np.repeat(index[:, None], 3, axis=1), weights=np.tile([1.0, 0, 0], (len(mine), 1)),
+        offsets=np.zeros((len(mine), 3)), hidden=np.zeros(0, np.int64),
+    )  # fmt: skip
+    no_faces = np.zeros((0, 3), np.int64)
+    assert len(mine) > 0.97 * len(body.vertices)
+    assert np.abs(fit(hm08, alone, no_faces) - body.vertices[mine]).max() < 2e-6
+
+
+def test_helper_geometry_is_carried_with_the_limbs(hm08, body):
+    """Tights, skirt and hair helpers lie around the canonical body; the last eight mark the ground."""
+    carried = np.einsum("vj,jab->vab", hm08.dense_weights, hm08.T_canonical_rest)
+    at = np.einsum("vab,vb->va", carried[:, :3, :3], hm08.rest) + carried[:, :3, 3]
+    distance = body.distance.query(at[:-8].astype(np.float32)).distance
+    assert np.abs(distance).max() < 0.45
+
+
+def test_a_garment_is_fitted_named_and_textured(hm08, tube, shirt):
+    assert (shirt.name, shirt.kind, shirt.z_depth, shirt.tags) == ("tube", "top", 40, ("Female",))
+    binding = read_binding(tube / "clothes/tube/tube.mhclo")
+    mesh = read_mesh(tube / "clothes/tube/tube.obj")
+    assert np.abs(at_rest(hm08, binding) - mesh.vertices / 10).max() < 1e-5  # written with that accuracy
+    assert len(shirt.vertices) == AROUND * RINGS and len(shirt.faces) == 2 * AROUND * (RINGS - 1)
+    wanted = [*range(4000, 4011), 4020]
+    assert set(hm08.hm08_of_body[shirt.hidden]) == set(wanted)
+    high = shirt.uv[shirt.vertices[shirt.faces][..., 1] > 0.3]
+    assert high[:, 1].max() < 0.35  # v counts downward here
+
+
+def test_a_solid_is_closed_and_its_sign_is_the_exact_winding_number(shirt):
+    solid = Solid(garment=shirt)
+    vertices, faces = solid.closed
+    assert len(boundary_loops(shirt.faces)) == 2 and boundary_loops(faces) == []
+    points = np.random.default_rng(0).uniform(vertices.min(0) - 0.04, vertices.max(0) + 0.04, (4000, 3))
+    hit = solid.hit(points.astype(np.float32), reach=1.0)
+    exact = np.asarray(igl.winding_number(vertices, faces, points)) > 0.5
+    clear = np.abs(hit.distance) > 1e-4
+    assert ((hit.distance < 0) == exact)[clear].all() and exact.sum() > 500
+    assert np.abs(solid.hit(shirt.vertices).distance).max() < 1e-6
+    squared = np.asarray(igl.point_mesh_squared_distance(points, vertices, faces)[0])
+    assert np.abs(np.abs(hit.distance) - np.sqrt(squared)).max() < 1e-5
+
+
+def test_the_way_to_an_edge_grows_from_the_rings_at_the_ends(shirt):
+    rims = Solid(garment=shirt).rims[: len(shirt.vertices)].reshape(RINGS, AROUND)
+    assert (rims[[0, -1]] == 0).all()
+    assert (np.diff(rims[: RINGS // 2], axis=0) > 0).all()
+
+
+def test_pattern_places_are_metres(shirt):
+    places = pattern_places(shirt)
+    corners = shirt.vertices[shirt.faces]
+    true = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    laid = np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2)
+    assert 0.5 < np.median(laid / true) < 2
+
+
+def test_a_pool_is_the_solid_s_own_field_and_is_kept(shirt, body, tmp_path):
+    pool = load_pool(shirt, body.distance, 3000, tmp_path)
+    again = load_pool(shirt, body.distance, 3000, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 1
+    for name in ("points", "distance", "color", "face", "barycentric"):
+        assert (getattr(pool, name) == getattr(again, name)).all()
+    assert np.array_equal(pool.distance, Solid(garment=shirt).hit(pool.points, reach=1.0).distance)
+    assert 0.3 < (pool.distance < 0).mean() < 0.7 and np.median(np.abs(pool.distance)) < 0.01
+    foot = np.einsum("nk,nka->na", pool.barycentric, body.vertices[body.faces[pool.face]])
+    way = np.linalg.norm(foot - pool.points, axis=1)
+    assert np.abs(way - np.abs(body.distance.query(pool.points).distance)).max() < 1e-5
+
+
+def test_strands_fill_down_to_the_head(body):
+    """A cap of cards 8 mm over the skull: closed, without a gap beneath, and its surface on the cards."""
+    crown = body.vertices[body.vertices[:, 1].argmax()].astype(float)
+    radius = crown[1] + 0.008 - 0.74
+    centre, u = np.array([0, 0.74, crown[2]]), np.linspace(0, 2 * np.pi, 33)
+    v = np.linspace(0.05, 1.1, 17)
+    grid = np.array([[np.sin(b) * np.cos(a), np.cos(b), np.sin(b) * np.sin(a)] for b in v for a in u])
+    quads = [
+        (r * 33 + c, r * 33 + c + 1, r * 33 + c + 34, r * 33 + c + 33) for r in range(16) for c in range(32)
+    ]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    cap = FittedGarment(
+        name="cap", kind="hair", tags=(), vertices=(centre + radius * grid).astype(np.float32), faces=faces,
+        uv=np.zeros((len(faces), 3, 2), np.float32), texture=np.full((4, 4, 4), 255, np.uint8), z_depth=0,
+        hidden=np.zeros(0, np.int64),
+    )  # fmt: skip
+    hair = Strands(garment=cap, body=body.distance)
+    clear = cap.vertices[body.distance.query(cap.vertices).distance > 0.005]
+    assert len(clear) > 100 and np.abs(hair.distance(clear)).max() < 1.3 * CELL
+    up = np.array([[0, y, centre[2]] for y in np.linspace(0.76, 0.74 + radius - CELL, 40)], np.float32)
+    both = np.minimum(hair.distance(up), body.distance.query(up).distance)
+    assert (both < 0).all()
+    assert hair.distance(np.array([[0, 1.2, 0.05]], np.float32))[0] > 0.25
+    assert np.allclose(hair.shade(cap.vertices), 1)
+
+
+def test_dyeing_moves_the_middle_and_keeps_what_differs():
+    rng = np.random.default_rng(1)
+    texture = np.full((32, 32, 4), 255, np.uint8)
+    texture[..., :3] = rng.integers(90, 130, (32, 32, 1))
+    used = np.zeros((32, 32), bool)
+    used[:20] = True
+    lab = rgb2lab(dyed(texture, used, (0.6, 0.2, 0.3))[..., :3])
+    wanted = rgb2lab(np.array([[[0.6, 0.2, 0.3]]]))[0, 0]
+    assert np.abs(np.median(lab[used], axis=0) - wanted).max() < 1.5
+    was = rgb2lab(texture[..., :3])[..., 0][used]
+    assert np.corrcoef(was, lab[..., 0][used])[0, 1] > 0.99
+
+
+def test_emblems_are_painted_out_and_nothing_else_is_touched():
+    name, (box,) = "male_casualsuit02_diffuse", EMBLEMS["male_casualsuit02_diffuse"]
+    texture = np.full((256, 256, 4), (40, 90, 160, 255), np.uint8)
+    x0, y0, x1, y1 = (int(256 * n) for n in box)
+    texture[y0 + 6 : y1 - 6, x0 + 6 : x1 - 6, :3] = (250, 130, 20)
+    painted = paint_out(texture, name)
+    assert np.abs(painted.astype(int) - (40, 90, 160, 255)).max() < 16
+    outside = np.ones((256, 256), bool)
+    outside[y0:y1, x0:x1] = False
+    assert (painted[outside] == texture[outside]).all()
+    assert paint_out(texture, "another") is texture
+
+
+def test_the_new_numbers_of_a_latent_leave_the_old_ones_as_they_were():
+    for seed in (0, 3, 2**40):
+        old = torch.randn(1, LATENT_SIZE, generator=torch.Generator().manual_seed(seed))
+        z = draw_latent(seed)
+        assert z.shape == (1, FULL_SIZE) and torch.equal(z[:, :LATENT_SIZE], old)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "message"),
+    [
+        ("tube.mhclo", "basemesh hm08", "basemesh alpha7", "made for alpha7"),
+        ("tube.mhclo", "4000 - 4010", "4000 - 3900", "line"),
+        ("tube.mhclo", "4000 - 4010", "99999", "outside hm08"),
+        ("tube.mhclo", "obj_file tube.obj", "obj_file gone.obj", "cannot read"),
+        ("tube.mhclo", " 0.33333334 ", " nan ", "NaN"),
+        ("tube.mhclo", "z_depth 40", "z_depth high", "whole number"),
+        ("tube.obj", "f 1/1 2/2", "f 1/1 999999/2", "beyond"),
+        ("tube.obj", "v ", "v x", "line 1"),
+        ("tube.png", None, None, "picture"),
+    ],
+)
+def test_bad_files_end_in_one_sentence(tube, tmp_path, hm08, name, old, new, message):
+    home = tmp_path / "clothes" / "tube"
+    home.mkdir(parents=True)
+    for path in (tube / "clothes/tube").iterdir():
+        (home / path.name).write_bytes(path.read_bytes())
+    damaged = home / name
+    damaged.write_text("none" if old is None else damaged.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        load_asset(home / "tube.mhclo", hm08)
+
+
+def test_a_folder_without_assets_is_refused(tmp_path):
+    with pytest.raises(InputError, match="holds no clothes"):
+        load_folder(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def wardrobe(body) -> Wardrobe:
+    return Wardrobe(REAL, body)
+
+
+@real
+def test_every_real_garment_lies_on_the_body(wardrobe, body):
+    kinds = {garment.kind for garment in wardrobe.garments.values()}
+    assert kinds >= {"top", "bottom", "outer", "overall", "shoes", "socks", "hat", "hair", "brows", "lashes"}
+    for garment in wardrobe.garments.values():
+        distance = body.distance.query(garment.vertices).distance
+        if garment.kind != "hair":
+            assert distance.min() > -0.035 and distance.max() < 0.16, garment.name
+        edges = garment.vertices[garment.faces]
+        longest = np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).max()
+        assert longest < 0.2, garment.name  # a torn garment has faces across the room
+
+
+@real
+def test_a_real_person_is_a_whole_field(wardrobe):
+    """Of one seed: attributes are the same each time, skin that clothes hide never comes out."""
+    person = wardrobe.sample(3)
+    assert person.attributes == wardrobe.attributes(3)
+    points = torch.from_numpy(person.body.vertices[person.hidden > 0])
+    assert float((person.sdf(points) < 0).float().mean()) > 0.999
+    normals = unit_normals(person.body.vertices, person.body.faces)
+    shell = person.body.vertices + 0.0005 * normals
+    colour = person.color(torch.from_numpy(shell.astype(np.float32)))
+    assert colour.min() >= 0 and colour.max() <= 1 and bool(torch.isfinite(colour).all())
