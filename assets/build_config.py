@@ -8,13 +8,14 @@ import torch
 from jaxtyping import Float
 
 from assets.asset.bones import Bones
+from assets.content import CONTENTS, Content, Joints
 from assets.isosurface.extract import ExtractConfig
-from assets.plan import Content, Joints, Plan, make_plan
 from assets.scenes import find_scene
 from assets.simplify.simplify import SimplifyConfig
 from assets.texture.atlas import AtlasConfig
 from assets.texture.bake import BakeConfig
 from avatargen.body.model import CanonicalBody
+from avatargen.errors import InputError
 
 
 @runtime_checkable
@@ -65,7 +66,7 @@ class BuildConfig:
         AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
         BakeConfig(texture_size=self.normal_map or self.texture)
         BakeConfig(texture_size=self.ambient_occlusion or self.texture)
-        self.plan()
+        self.check_content()
 
     @classmethod
     def for_scene(cls, name: str) -> "BuildConfig":
@@ -84,7 +85,16 @@ class BuildConfig:
             joints=scene.joints,
         )
 
-    def plan(self) -> Plan:
-        """The stages that this takes. Raises InputError for settings that do not go together."""
-        maps = self.normal_map is not None, self.ambient_occlusion is not None
-        return make_plan(self.content, self.faces, self.joints, *maps)
+    def check_content(self) -> None:
+        """Raises InputError for settings that do not go together."""
+        if self.content not in CONTENTS:
+            raise InputError(f"content: found {self.content!r}, wanted one of {', '.join(CONTENTS)}")
+        if self.faces is None and self.content != "mesh":
+            raise InputError(
+                f"found content {self.content} without a number of faces, whose charts would take minutes; "
+                "give one"
+            )
+        maps = {"a normal map": self.normal_map, "ambient occlusion": self.ambient_occlusion}
+        wanted = [what for what, size in maps.items() if size is not None]
+        if self.content == "mesh" and wanted:
+            raise InputError(f"found {wanted[0]} on content mesh, which has no texture coordinates; drop one")

@@ -55,10 +55,9 @@ class Curves:
         maps = sum(self.map_seconds(stage, size) for stage, size in sizes.items() if size is not None)
         found = []
         for row in self.surfaces:
-            stages = dict(row["seconds"])
-            if texture is None:
-                stages.pop("atlas", None)
-            total = sum(stages.values()) + (0 if texture is None else self.texture_seconds(texture))
+            needless = ("charts", "atlas") if texture is None else ()
+            total = sum(seconds for stage, seconds in row["seconds"].items() if stage not in needless)
+            total += 0 if texture is None else self.texture_seconds(texture)
             found.append(
                 Choice(
                     resolution=row["resolution"],

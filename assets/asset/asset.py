@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float32, Int, Int64, UInt8
 
 from assets.asset.rig import Animation, Morph, Skeleton
+from assets.content import LeftOut
 from assets.errors import GeometryError
 from assets.mesh.measure import SurfaceError
-from assets.plan import LeftOut
 from assets.texture.normal_map import NormalMap
 
 WEIGHT_SUM_LIMIT = 1e-5
