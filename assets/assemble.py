@@ -9,6 +9,7 @@ from assets.asset.rig import Morph, Skeleton
 from assets.build_config import AvatarFields
 from assets.content import LeftOut
 from assets.draft import Draft
+from assets.mesh.surface import euler_number
 from assets.skin.morph import beta_sliders
 
 
@@ -94,6 +95,10 @@ def make_report(draft: Draft, planned: tuple[LeftOut, ...], seconds: dict[str, f
     if faces is not None and len(draft.surface.faces) < 0.98 * faces:
         only = f"the surface has only {len(draft.surface.faces)} faces at this resolution"
         left_out.append(LeftOut(what="simplification", why=only))
+    before, after = euler_number(draft.cleaning.surface), euler_number(draft.surface)
+    if before != after:
+        kept = f"{draft.config.simplifier} left {1 - after // 2} handles of {1 - before // 2}"
+        left_out.append(LeftOut(what="the extracted topology", why=kept))
     dropped = draft.cleaning.dropped_components
     if dropped:
         left_out.append(LeftOut(what=f"{dropped} hidden or loose pieces", why="one closed surface is kept"))

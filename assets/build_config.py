@@ -1,7 +1,7 @@
 """What an asset is to have, and what is needed of an avatar to build it."""
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 import torch
@@ -11,11 +11,14 @@ from assets.asset.bones import Bones
 from assets.content import CONTENTS, Content, Joints
 from assets.isosurface.extract import ExtractConfig
 from assets.scenes import find_scene
-from assets.simplify.simplify import SimplifyConfig
+from assets.simplify.simplify import Simplifier, SimplifyConfig
 from assets.texture.atlas import AtlasConfig
 from assets.texture.bake import BakeConfig
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
+
+Mesher = Literal["adaptive", "marching-cubes"]
+MESHERS: tuple[Mesher, ...] = get_args(Mesher)
 
 
 @runtime_checkable
@@ -47,6 +50,8 @@ class BuildConfig:
     content: Content = "rigged"
     resolution: int = 512  # cells along the longest side of the avatar's box
     faces: int | None = 20_000  # None: all that the resolution gives, for a mesh alone
+    mesher: Mesher = "adaptive"  # marching-cubes: scikit-image's, at the whole resolution
+    simplifier: Simplifier = "adaptive"  # or others' collapses alone; pymeshlab's filters clean first
     texture: int = 1024  # texels along a side
     joints: Joints = "all"  # 24: no fingers; moving: those alone that move a vertex or carry one that does
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
@@ -61,11 +66,12 @@ class BuildConfig:
     def __post_init__(self) -> None:
         ExtractConfig(resolution=self.resolution)
         if self.faces is not None:
-            SimplifyConfig(target_faces=self.faces)
+            SimplifyConfig(target_faces=self.faces, simplifier=self.simplifier)
         BakeConfig(texture_size=self.texture)
         AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
         BakeConfig(texture_size=self.normal_map or self.texture)
         BakeConfig(texture_size=self.ambient_occlusion or self.texture)
+        self.check_recipe()
         self.check_content()
 
     @classmethod
@@ -84,6 +90,16 @@ class BuildConfig:
             normal_map=scene.normal_map,
             joints=scene.joints,
         )
+
+    def check_recipe(self) -> None:
+        """Raises InputError for a mesher there is not, or a simplifier that has nothing to do."""
+        if self.mesher not in MESHERS:
+            raise InputError(f"mesher: found {self.mesher!r}, wanted one of {', '.join(MESHERS)}")
+        if self.faces is None and self.simplifier != "adaptive":
+            raise InputError(
+                f"found simplifier {self.simplifier} where every face is kept; give a number of faces, or "
+                "leave it out"
+            )
 
     def check_content(self) -> None:
         """Raises InputError for settings that do not go together."""

@@ -21,7 +21,7 @@ STAGES = (
     Stage("clean", stages.clean, 0.08),
     Stage("simplify", stages.simplify, 0.15, plan.unless_simplified),
     Stage("charts", stages.charts, 0.0, plan.unless_charted),
-    Stage("fit", stages.fit, 0.04, plan.unless_simplified),
+    Stage("fit", stages.fit, 0.04, plan.unless_laid),
     Stage("skin", stages.skin, 0.02),
     Stage("measure", stages.measure, 0.1),
     Stage("rest", stages.rest, 0.02),

@@ -78,6 +78,12 @@ def unless_simplified(config: BuildConfig) -> Reason | None:
     return None
 
 
+def unless_laid(config: BuildConfig) -> Reason | None:
+    if config.faces is not None and config.simplifier != "adaptive":
+        return "laying on the field", f"{config.simplifier} is wanted; vertices stay where it puts them"
+    return unless_simplified(config)
+
+
 def unless_charted(config: BuildConfig) -> Reason | None:
     return ("texture coordinates", "a mesh alone is wanted") if config.content == "mesh" else None
 

@@ -6,9 +6,12 @@ from functools import partial
 from assets.draft import Draft
 from assets.isosurface.adaptive import trace_adaptively
 from assets.isosurface.extract import ExtractConfig, Extraction, trace, trace_whole
-from assets.mesh.clean import tidy
+from assets.isosurface.volume import march_volume
+from assets.mesh.clean import filter_by_pymeshlab, tidy
 from assets.mesh.measure import missed_error, surface_error
 from assets.simplify.reduce import reduce, settle
+from assets.simplify.simplify import SimplifyConfig
+from assets.simplify.simplify import simplify as simplify_surface
 from assets.skin.attach import attach
 from assets.skin.rest import to_rest
 from assets.skin.skin import SkinConfig, skin_attached
@@ -20,18 +23,31 @@ SEEDS = 32  # cells along the bounds' longest side at which the search ends: of 
 
 
 def extract(draft: Draft) -> None:
-    """The zero level, as coarsely as the faces left allow; the whole resolution where all are kept."""
+    """The zero level. The adaptive mesher is as coarse as the faces left allow; where all are kept it is
+    exact, as marching cubes always are."""
     draft.extraction = find_surface(draft)
 
 
 def clean(draft: Draft) -> None:
-    draft.cleaning = tidy(draft.extraction.surface)
+    """One closed piece. pymeshlab's recipe has its filters first; what these leave is mended here too."""
+    surface = draft.extraction.surface
+    if draft.config.simplifier == "pymeshlab":
+        surface = filter_by_pymeshlab(surface)
+    draft.cleaning = tidy(surface)
     draft.surface = draft.cleaning.surface
 
 
 def simplify(draft: Draft) -> None:
-    assert draft.config.faces is not None, "planned without a number of faces"
-    draft.surface = reduce(draft.surface, draft.avatar.sdf, draft.config.faces)
+    """The adaptive simplifier asks the field where its faces belong. pymeshlab and fast-simplification know
+    the mesh alone: who asks for them gets what they make of it, laid on the field neither before nor
+    after."""
+    faces, simplifier = draft.config.faces, draft.config.simplifier
+    assert faces is not None, "planned without a number of faces"
+    if simplifier == "adaptive":
+        draft.surface = reduce(draft.surface, draft.avatar.sdf, faces)
+    else:
+        collapses = SimplifyConfig(target_faces=faces, simplifier=simplifier)
+        draft.surface = simplify_surface(draft.surface, collapses)
 
 
 def charts(draft: Draft) -> None:
@@ -91,7 +107,10 @@ def square(texels: int | None) -> BakeConfig:
 
 def find_surface(draft: Draft) -> Extraction:
     """The avatar's surface, in larger bounds where it leaves its own."""
-    resolution, faces = draft.config.resolution, draft.config.faces
-    way = trace if faces is None else partial(trace_adaptively, faces=faces)
-    extraction = ExtractConfig(resolution=resolution, seeds=SEEDS)
+    config, way = draft.config, trace
+    if config.mesher == "marching-cubes":
+        way = partial(trace, march=march_volume)
+    elif config.faces is not None:
+        way = partial(trace_adaptively, faces=config.faces)
+    extraction = ExtractConfig(resolution=config.resolution, seeds=SEEDS)
     return trace_whole(draft.avatar.sdf, draft.avatar.bounds, extraction, way)

@@ -89,7 +89,13 @@ def keep_largest(surface: Surface) -> tuple[Surface, int]:
 
 
 def repair(surface: Surface) -> Surface:
-    """Merge, remove and split until edges and vertices are manifold, then close small holes.
+    """pymeshlab's filters, then what is still open or crowded mended. Raises their errors."""
+    return mend(filter_by_pymeshlab(surface))
+
+
+def filter_by_pymeshlab(surface: Surface) -> Surface:
+    """Merge, remove and split until edges and vertices are manifold, then close small holes; what is sound
+    stays as it is.
 
     Raises:
         GeometryError: pymeshlab gives up.
@@ -109,7 +115,7 @@ def repair(surface: Surface) -> Surface:
         raise GeometryError(
             f"clean: pymeshlab cannot repair the surface ({detail}); try another resolution"
         ) from error
-    return mend(from_pymeshlab(meshes))
+    return from_pymeshlab(meshes)
 
 
 def to_pymeshlab(surface: Surface) -> Any:
