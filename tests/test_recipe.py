@@ -79,7 +79,7 @@ def test_every_recipe_keeps_the_promises(name: str, mesher: str, simplifier: str
         assert abs(len(surface.faces) - faces) <= 0.02 * faces
         assert euler_number(surface) == 2 - 2 * handles
         if size is not None:
-            assert enclosed(surface) == pytest.approx(size, rel=0.04 if faces == 300 else 0.01)
+            assert enclosed(surface) == pytest.approx(size, rel=0.04 if faces == 300 else 0.015)
 
 
 @pytest.mark.parametrize(("mesher", "simplifier"), RECIPES)
@@ -191,18 +191,26 @@ def build_mesh(avatar: Shape, config: BuildConfig) -> Any:
     return build_content(avatar, config)
 
 
+WRONG = """
+from assets import BuildConfig
+from avatargen.errors import InputError
+every_face = {"faces": None, "content": "mesh"}
+for wrong in ({"mesher": "dual"}, {"simplifier": "vtk"}, {"simplifier": "pymeshlab", **every_face}):
+    try:
+        BuildConfig(**wrong)
+    except InputError as error:
+        print(error)
+"""
+
+
 def test_recipes_there_are_not() -> None:
-    """Read without the hints' own check, as users run it."""
-    program = "from assets import BuildConfig; BuildConfig({})"
-    for setting in (
-        "mesher='dual'",
-        "simplifier='vtk'",
-        "simplifier='pymeshlab', faces=None, content='mesh'",
-    ):
-        command = [sys.executable, "-c", program.format(setting)]
-        run = subprocess.run(command, capture_output=True, text=True, timeout=300)
-        last = run.stderr.splitlines()[-1]
-        assert last.startswith("avatargen.errors.InputError: ") and setting.split("=")[0] in last
+    """In a process of its own, without the hints' check, as users run it."""
+    run = subprocess.run([sys.executable, "-c", WRONG], capture_output=True, text=True, timeout=300)
+    assert run.stdout.splitlines() == [
+        "mesher: found 'dual', wanted one of adaptive, marching-cubes",
+        "simplifier: found 'vtk', wanted one of adaptive, pymeshlab, fast-simplification",
+        "found simplifier pymeshlab where every face is kept; give a number of faces, or leave it out",
+    ]
 
 
 DEFAULT_EXPORT = """

@@ -19,7 +19,8 @@ NEVER_ZERO = 2e-4  # of a cell: what single precision tells from a corner at coo
 
 
 def march_volume(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Surface:
-    """The surface in crossed cells, closed and facing outward, where the field is within 2e-4 of a cell of zero.
+    """The surface in crossed cells, closed and facing outward; values nearer to zero than `NEVER_ZERO`
+    are moved there, so that no face is flat.
 
     Raises:
         InputError: a volume that is too large to hold.
