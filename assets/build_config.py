@@ -1,20 +1,24 @@
 """What an asset is to have, and what is needed of an avatar to build it."""
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
 from assets.asset.bones import Bones
+from assets.content import CONTENTS, Content, Joints
 from assets.isosurface.extract import ExtractConfig
-from assets.plan import Content, Joints, Plan, make_plan
 from assets.scenes import find_scene
-from assets.simplify.simplify import SimplifyConfig
+from assets.simplify.simplify import Simplifier, SimplifyConfig
 from assets.texture.atlas import AtlasConfig
 from assets.texture.bake import BakeConfig
 from avatargen.body.model import CanonicalBody
+from avatargen.errors import InputError
+
+Mesher = Literal["adaptive", "marching-cubes"]
+MESHERS: tuple[Mesher, ...] = get_args(Mesher)
 
 
 @runtime_checkable
@@ -46,6 +50,8 @@ class BuildConfig:
     content: Content = "rigged"
     resolution: int = 512  # cells along the longest side of the avatar's box
     faces: int | None = 20_000  # None: all that the resolution gives, for a mesh alone
+    mesher: Mesher = "adaptive"  # marching-cubes: scikit-image's, at the whole resolution
+    simplifier: Simplifier = "adaptive"  # or others' collapses alone; pymeshlab's filters clean first
     texture: int = 1024  # texels along a side
     joints: Joints = "all"  # 24: no fingers; moving: those alone that move a vertex or carry one that does
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
@@ -60,12 +66,13 @@ class BuildConfig:
     def __post_init__(self) -> None:
         ExtractConfig(resolution=self.resolution)
         if self.faces is not None:
-            SimplifyConfig(target_faces=self.faces)
+            SimplifyConfig(target_faces=self.faces, simplifier=self.simplifier)
         BakeConfig(texture_size=self.texture)
         AtlasConfig(texture_size=self.texture, scales=((0, self.head_detail),))
         BakeConfig(texture_size=self.normal_map or self.texture)
         BakeConfig(texture_size=self.ambient_occlusion or self.texture)
-        self.plan()
+        self.check_recipe()
+        self.check_content()
 
     @classmethod
     def for_scene(cls, name: str) -> "BuildConfig":
@@ -84,7 +91,26 @@ class BuildConfig:
             joints=scene.joints,
         )
 
-    def plan(self) -> Plan:
-        """The stages that this takes. Raises InputError for settings that do not go together."""
-        maps = self.normal_map is not None, self.ambient_occlusion is not None
-        return make_plan(self.content, self.faces, self.joints, *maps)
+    def check_recipe(self) -> None:
+        """Raises InputError for a mesher there is not, or a simplifier that has nothing to do."""
+        if self.mesher not in MESHERS:
+            raise InputError(f"mesher: found {self.mesher!r}, wanted one of {', '.join(MESHERS)}")
+        if self.faces is None and self.simplifier != "adaptive":
+            raise InputError(
+                f"found simplifier {self.simplifier} where every face is kept; give a number of faces, or "
+                "leave it out"
+            )
+
+    def check_content(self) -> None:
+        """Raises InputError for settings that do not go together."""
+        if self.content not in CONTENTS:
+            raise InputError(f"content: found {self.content!r}, wanted one of {', '.join(CONTENTS)}")
+        if self.faces is None and self.content != "mesh":
+            raise InputError(
+                f"found content {self.content} without a number of faces, whose charts would take minutes; "
+                "give one"
+            )
+        maps = {"a normal map": self.normal_map, "ambient occlusion": self.ambient_occlusion}
+        wanted = [what for what, size in maps.items() if size is not None]
+        if self.content == "mesh" and wanted:
+            raise InputError(f"found {wanted[0]} on content mesh, which has no texture coordinates; drop one")

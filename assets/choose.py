@@ -55,10 +55,9 @@ class Curves:
         maps = sum(self.map_seconds(stage, size) for stage, size in sizes.items() if size is not None)
         found = []
         for row in self.surfaces:
-            stages = dict(row["seconds"])
-            if texture is None:
-                stages.pop("atlas", None)
-            total = sum(stages.values()) + (0 if texture is None else self.texture_seconds(texture))
+            needless = ("charts", "atlas") if texture is None else ()
+            total = sum(seconds for stage, seconds in row["seconds"].items() if stage not in needless)
+            total += 0 if texture is None else self.texture_seconds(texture)
             found.append(
                 Choice(
                     resolution=row["resolution"],
@@ -129,8 +128,14 @@ def candidates(
     """Settings to try in turn, each with what is expected of it.
 
     Raises:
-        InputError: the budget has no room for anything.
+        InputError: the budget has no room for anything, or the recipe is not the one that was measured.
     """
+    for name, recipe in (("mesher", config.mesher), ("simplifier", config.simplifier)):
+        if recipe != "adaptive":
+            raise InputError(
+                f"found a tolerance or budget with {name} {recipe}, whose cost and error were not measured; "
+                "give resolution and faces, or leave the recipe out"
+            )
     texture = None if config.content == "mesh" else config.texture
     choices = curves.choices(texture, config.normal_map, config.ambient_occlusion)
     if budget_s is not None:

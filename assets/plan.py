@@ -1,110 +1,107 @@
-"""What is to be built, decided before anything is computed: the stages that the wanted content needs, and
-what that leaves out.
+"""Which stages a configuration needs, decided before anything is computed, and what the others leave out."""
 
-Contents build on one another: `mesh` (vertices and faces in a rest pose), `textured` (also colours) and
-`rigged` (also a skeleton with weights).
-"""
-
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Literal
 
-from avatargen.errors import InputError
+from assets.build_config import BuildConfig
+from assets.content import LeftOut
+from assets.draft import Draft
 
-Content = Literal["mesh", "textured", "rigged"]
-Joints = Literal["all", "24", "moving"]
-CONTENTS: tuple[Content, ...] = ("mesh", "textured", "rigged")
-# of the work at the default settings; the progress line adds up those that are planned
-STAGES = {
-    "extract": 0.4,
-    "clean": 0.08,
-    "simplify": 0.15,
-    "fit": 0.04,
-    "skin": 0.02,
-    "measure": 0.1,
-    "rest": 0.02,
-    "atlas": 0.05,
-    "bake": 0.15,
-    "normals": 0.5,
-    "occlusion": 0.5,
-}
+Reason = tuple[str, str]  # what is left out, and why
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeftOut:
-    """Something that is not done or not stored, and why."""
+def always(config: BuildConfig) -> Reason | None:
+    """No configuration does without the stage."""
 
-    what: str
-    why: str
-    stages: tuple[str, ...] = ()  # that are not run
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of the pipeline."""
+
+    name: str
+    run: Callable[[Draft], None]
+    share: float  # of the work at the default settings
+    unless: Callable[[BuildConfig], Reason | None] = always  # why a configuration does without it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """Stages in order, and what is left out."""
 
-    stages: tuple[str, ...]
+    stages: tuple[Stage, ...]
     left_out: tuple[LeftOut, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(stage.name for stage in self.stages)
 
     def share(self, done: int) -> float:
         """Of the planned work, that lies behind when so many stages are done."""
-        total = sum(STAGES[stage] for stage in self.stages)
-        return sum(STAGES[stage] for stage in self.stages[:done]) / total
+        shares = [stage.share for stage in self.stages]
+        return sum(shares[:done]) / sum(shares)
 
 
-def make_plan(
-    content: Content, faces: int | None, joints: Joints, normal_map: bool, ambient_occlusion: bool
-) -> Plan:
-    """The stages that content needs; `faces` None keeps every face of the extracted surface.
-
-    Raises:
-        InputError: a texture on a surface that is not simplified, whose charts would take minutes; a normal
-            map or ambient occlusion of a mesh without texture coordinates.
-    """
-    if content not in CONTENTS:
-        raise InputError(f"content: found {content!r}, wanted one of {', '.join(CONTENTS)}")
-    if faces is None and content != "mesh":
-        raise InputError(
-            f"found content {content} without a number of faces, whose charts would take minutes; give one"
-        )
-    if content == "mesh" and (normal_map or ambient_occlusion):
-        what = "a normal map" if normal_map else "ambient occlusion"
-        raise InputError(f"found {what} on content mesh, which has no texture coordinates; drop one")
+def make_plan(stages: Iterable[Stage], config: BuildConfig) -> Plan:
+    """Of these stages, those that the configuration needs."""
+    kept: list[Stage] = []
+    skipped: dict[Reason, tuple[str, ...]] = {}
+    for stage in stages:
+        reason = stage.unless(config)
+        if reason is None:
+            kept.append(stage)
+        else:
+            skipped[reason] = (*skipped.get(reason, ()), stage.name)
     left_out = [
         LeftOut(what="deformation network", why="in the canonical pose it has nothing to correct"),
         LeftOut(what="volume rendering and upsampling", why="a file holds a surface, not a picture"),
+        *(LeftOut(what=what, why=why, stages=names) for (what, why), names in skipped.items()),
+        *left_out_of_rig(config),
     ]
-    if faces is None:
-        left_out.append(
-            LeftOut(
-                what="simplification",
-                why="every face of the extracted surface is wanted",
-                stages=("simplify", "fit"),
-            )
-        )
-    if content == "mesh":
-        why = "a mesh alone is wanted"
-        left_out.append(LeftOut(what="texture coordinates", why=why, stages=("atlas",)))
-        left_out.append(LeftOut(what="colours", why=why, stages=("bake",)))
-    left_out += unwanted_maps(content, normal_map, ambient_occlusion)
-    if content != "rigged":
+    return Plan(stages=tuple(kept), left_out=tuple(left_out))
+
+
+def left_out_of_rig(config: BuildConfig) -> list[LeftOut]:
+    """What is not stored of the skeleton; no stage is saved, as weights also pose the mesh."""
+    if config.content != "rigged":
         why = "nothing will move it; weights served to pose it and are not stored"
-        left_out.append(LeftOut(what="skeleton and weights", why=why))
-    elif joints == "24":
-        left_out.append(LeftOut(what="fingers' joints", why="SMPL's 24 are wanted; hands move them all"))
-    elif joints == "moving":
-        left_out.append(LeftOut(what="idle joints", why="they move no vertex and carry no joint that does"))
-    skipped = {stage for item in left_out for stage in item.stages}
-    return Plan(stages=tuple(stage for stage in STAGES if stage not in skipped), left_out=tuple(left_out))
+        return [LeftOut(what="skeleton and weights", why=why)]
+    if config.joints == "24":
+        return [LeftOut(what="fingers' joints", why="SMPL's 24 are wanted; hands move them all")]
+    if config.joints == "moving":
+        return [LeftOut(what="idle joints", why="they move no vertex and carry no joint that does")]
+    return []
 
 
-def unwanted_maps(content: Content, normal_map: bool, ambient_occlusion: bool) -> list[LeftOut]:
-    """The maps beside the base colour that are not made, and why."""
-    alone = "a mesh alone is wanted" if content == "mesh" else None
-    found = []
-    if not normal_map:
-        why = alone or "it shows only up close and was not wanted"
-        found.append(LeftOut(what="normal map", why=why, stages=("normals",)))
-    if not ambient_occlusion:
-        why = alone or "many viewers shade hollows by themselves, and it was not wanted"
-        found.append(LeftOut(what="ambient occlusion", why=why, stages=("occlusion",)))
-    return found
+def unless_simplified(config: BuildConfig) -> Reason | None:
+    if config.faces is None:
+        return "simplification", "every face of the extracted surface is wanted"
+    return None
+
+
+def unless_laid(config: BuildConfig) -> Reason | None:
+    if config.faces is not None and config.simplifier != "adaptive":
+        return "laying on the field", f"{config.simplifier} is wanted; vertices stay where it puts them"
+    return unless_simplified(config)
+
+
+def unless_charted(config: BuildConfig) -> Reason | None:
+    return ("texture coordinates", "a mesh alone is wanted") if config.content == "mesh" else None
+
+
+def unless_coloured(config: BuildConfig) -> Reason | None:
+    return ("colours", "a mesh alone is wanted") if config.content == "mesh" else None
+
+
+def unless_normal_map(config: BuildConfig) -> Reason | None:
+    if config.normal_map is not None:
+        return None
+    alone = config.content == "mesh"
+    return "normal map", "a mesh alone is wanted" if alone else "it shows only up close and was not wanted"
+
+
+def unless_occlusion(config: BuildConfig) -> Reason | None:
+    if config.ambient_occlusion is not None:
+        return None
+    alone = config.content == "mesh"
+    why = "many viewers shade hollows by themselves, and it was not wanted"
+    return "ambient occlusion", "a mesh alone is wanted" if alone else why

@@ -4,7 +4,7 @@ loads; `BuildConfig.for_scene` turns one into settings.
 
 from dataclasses import dataclass
 
-from assets.plan import Content, Joints
+from assets.content import Content, Joints
 from avatargen.errors import InputError
 
 DEFAULT = "game"

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from assets.asset.asset import PlainAsset
-from assets.plan import Content
+from assets.content import Content
 from avatargen.atomic import write_together
 from avatargen.errors import InputError
 from exporters import glb, gltf_files, obj, ply, stl, vrm

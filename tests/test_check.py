@@ -13,6 +13,7 @@ from assets.asset.asset import Asset
 from avatargen.commands.look import check
 from exporters import FORMATS, check_gltf, export
 from exporters.check_mesh import check_mesh
+from exporters.check_trimesh import check_trimesh
 from exporters.check_vrm import check_vrm
 from tests.figure import figure
 from tests.test_mesh_files import seamed
@@ -99,6 +100,32 @@ def test_open_and_inverted_surfaces_are_named(tmp_path: Path) -> None:
             assert check_mesh(tmp_path / f"{name}{suffix}") == [finding]
 
 
+def test_trimesh_has_its_own_verdicts(tmp_path: Path) -> None:
+    asset = seamed()
+    faces, count = asset.faces, len(asset.vertices)
+    for name, changed, finding in (
+        ("open", faces[1:], "the surface is not watertight"),
+        ("turned", np.concatenate([faces[:1, ::-1], faces[1:]]), "neighbouring faces are turned"),
+        ("inverted", faces[:, ::-1].copy(), "the surface encloses no volume"),
+    ):
+        export(replace(asset, faces=changed), tmp_path / f"{name}.ply")
+        (found,) = check_trimesh(tmp_path / f"{name}.ply")
+        assert found.startswith(finding)
+    twice = replace(
+        asset,
+        vertices=np.concatenate([asset.vertices, asset.vertices + np.float32(3)]),
+        faces=np.concatenate([faces, faces + count]),
+        **{
+            name: np.concatenate([getattr(asset, name)] * 2)
+            for name in ("normals", "uv", "joints", "weights")
+        },
+        welded=None,
+    )
+    export(twice, tmp_path / "twice.ply")
+    (found,) = check_trimesh(tmp_path / "twice.ply")
+    assert found.startswith("the Euler number is 4")
+
+
 def test_khronos_findings_are_sentences(tmp_path: Path) -> None:
     asset = figure()
     asset.faces[0, 0] = len(asset.vertices)
@@ -136,10 +163,11 @@ def test_judges_never_raise_for_what_a_file_holds(tmp_path: Path, suffix: str) -
     path, random = tmp_path / f"person{suffix}", np.random.default_rng(0)
     export(person_or_tube(suffix), path)
     whole = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    (judge,) = list(check.judges_of(path).values())[-1:]
-    for _ in range(4 if suffix in (".obj", ".ply", ".stl") else 20):  # those have a process each
+    mesh = suffix in (".obj", ".ply", ".stl")
+    judges = list(check.judges_of(path).values())[0 if mesh else -1 :]
+    for _ in range(4 if mesh else 20):  # those have a process each
         changed = whole.copy()
         changed[random.integers(0, min(len(whole), 3000), 8)] = random.integers(0, 256, 8)
         path.write_bytes(changed.tobytes())
-        assert isinstance(judge(path), list)
+        assert all(isinstance(judge(path), list) for judge in judges)
     assert os.listdir(tmp_path)

@@ -15,13 +15,15 @@ from assets import (
     build,
     build_content,
     extract,
+    stages,
 )
 from assets.asset.asset import AssetInfo, Skeleton
 from assets.asset.joints import drop_idle_joints
+from assets.draft import open_draft
 from assets.errors import BoundsError, GeometryError
 from assets.isosurface.extract import GROWTHS, ROOM, trace, trace_whole
 from assets.mesh.surface import Surface, find_defects
-from assets.shape import find_surface
+from assets.pipeline import STAGES, plan_for
 from assets.skin.attach import attach
 from assets.skin.skin import SkinConfig, skin_attached
 from avatargen.body.distance import BodyDistance
@@ -107,12 +109,26 @@ def test_weights_are_those_of_where_the_vertices_end_up():
 def test_the_report_says_what_it_took():
     report = report_of(built())
     names = [name for name, _ in report.seconds]
-    assert names == ["extract", "clean", "simplify", "fit", "skin", "measure", "rest", "atlas", "bake"]
+    assert names == [
+        *("extract", "clean", "simplify", "charts", "fit", "skin", "measure", "rest", "atlas"),
+        "bake",
+    ]
     assert report.total_seconds == pytest.approx(sum(dict(report.seconds).values()))
     assert 0 < report.error.mean_mm < report.error.p99_mm < report.error.max_mm < 20
     assert report.error.mean_mm < 0.6
     assert any("deformation network" in item.what for item in report.left_out)
     assert report.queries > 0
+
+
+def test_every_stage_runs_for_someone_and_is_accounted_for_where_it_does_not():
+    names = [stage.name for stage in STAGES]
+    assert len(set(names)) == len(names)
+    assert plan_for(BuildConfig(normal_map=64, ambient_occlusion=64)).names == tuple(names)
+    least = plan_for(BuildConfig(content="mesh", faces=None))
+    missing = [stage for item in least.left_out for stage in item.stages]
+    assert sorted([*least.names, *missing]) == sorted(names)
+    assert least.names == ("extract", "clean", "skin", "measure", "rest")
+    assert least.share(0) == 0 and least.share(len(least.stages)) == 1
 
 
 def test_same_avatar_same_arrays():
@@ -312,11 +328,18 @@ def test_bounds_grow_where_the_surface_leaves_them():
 
 
 def test_fewer_faces_left_take_fewer_questions_and_every_face_takes_all():
-    few, many, every = (find_surface(stranger(), 96, faces) for faces in (500, 20_000, None))
+    few, many, every = (extracted(faces) for faces in (500, 20_000, None))
     assert few.queries < many.queries
     assert len(few.surface.faces) < len(many.surface.faces)
     exact = trace_whole(stranger().sdf, stranger().bounds, ExtractConfig(resolution=96))
     assert np.array_equal(every.surface.vertices, exact.surface.vertices)
+
+
+def extracted(faces):
+    config = BuildConfig(content="mesh", resolution=96, faces=faces)
+    with open_draft(stranger(), config, charts=False) as draft:
+        stages.extract(draft)
+    return draft.extraction
 
 
 def test_what_has_no_end_is_refused_after_a_few_bounds():

@@ -9,15 +9,19 @@ skeleton's rest pose.
 """
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float32, Int, Int64, UInt8
 
 from assets.asset.rig import Animation, Morph, Skeleton
+from assets.content import LeftOut
 from assets.errors import GeometryError
 from assets.mesh.measure import SurfaceError
-from assets.plan import LeftOut
 from assets.texture.normal_map import NormalMap
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 WEIGHT_SUM_LIMIT = 1e-5
 
@@ -72,6 +76,17 @@ class PlainAsset:
         for faces in (self.faces, *self.levels):
             if len(faces) == 0 or faces.min() < 0 or faces.max() >= count:
                 raise GeometryError(f"asset: faces must name some of the {count} vertices")
+
+    def to_trimesh(self) -> "Trimesh":
+        """A `trimesh.Trimesh` of the finest level: vertices, normals and faces as they are here and, where
+        there are any, uv and textures.
+
+        Vertices are split at the texture's seams. `merge_vertices(merge_tex=True, merge_norm=True)` on the
+        result closes it again, at the uv's cost.
+        """
+        from assets.asset.as_trimesh import as_trimesh
+
+        return as_trimesh(self)
 
 
 @dataclass(frozen=True, kw_only=True)

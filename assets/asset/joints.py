@@ -8,7 +8,7 @@ from jaxtyping import Bool, Int64
 
 from assets.asset.asset import Asset
 from assets.asset.rig import Skeleton
-from assets.plan import Joints
+from assets.content import Joints
 from avatargen.body.fingers import without_fingers
 from avatargen.body.model import CanonicalBody, canonical_body
 

@@ -39,6 +39,7 @@ class Extraction:
 
 
 Tracer = Callable[[Field, Float[np.ndarray, "2 3"], ExtractConfig], Extraction]
+March = Callable[[CornerValues, Int64[np.ndarray, "C 3"]], Surface]  # of crossed cells
 
 
 def extract(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig | None = None) -> Surface:
@@ -54,13 +55,15 @@ def extract(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig 
     return trace(sdf, bounds, config or ExtractConfig()).surface
 
 
-def trace(sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig) -> Extraction:
-    """`extract` with its costs. Raises the same errors."""
+def trace(
+    sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig, march: March | None = None
+) -> Extraction:
+    """`extract` with its costs, by libigl's marching cubes or others. Raises the same errors."""
     grid = make_grid(np.asarray(bounds, dtype=np.float64), config.resolution)
     values = CornerValues(sdf, grid)
     start = find_start(values, config)
     return Extraction(
-        surface=march(values, follow_surface(values, start.cells)),
+        surface=(march or march_cells)(values, follow_surface(values, start.cells)),
         cell_size=grid.cell_size,
         queries=start.queries + values.queries,
         attempts=start.attempts,
@@ -80,8 +83,8 @@ def trace_whole(
     return trace(sdf, bounds, config)
 
 
-def march(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Surface:
-    """Marching cubes on crossed cells."""
+def march_cells(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Surface:
+    """libigl's marching cubes on crossed cells."""
     import igl
 
     cells = cells[np.argsort(values.grid.keys(cells))]  # the order of the grid, whatever the search did

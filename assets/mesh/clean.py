@@ -85,7 +85,13 @@ def keep_largest(surface: Surface) -> tuple[Surface, int]:
 
 
 def repair_by_pymeshlab(surface: Surface) -> Surface:
-    """Merge, remove and split until edges and vertices are manifold, then close small holes.
+    """pymeshlab's filters, then what is still open or crowded repaired. Raises their errors."""
+    return repair(filter_by_pymeshlab(surface))
+
+
+def filter_by_pymeshlab(surface: Surface) -> Surface:
+    """Merge, remove and split until edges and vertices are manifold, then close small holes; what is sound
+    stays as it is.
 
     Raises:
         GeometryError: pymeshlab gives up.
@@ -105,7 +111,7 @@ def repair_by_pymeshlab(surface: Surface) -> Surface:
         raise GeometryError(
             f"clean: pymeshlab cannot repair the surface ({detail}); try another resolution"
         ) from error
-    return repair(from_pymeshlab(meshes))
+    return from_pymeshlab(meshes)
 
 
 def to_pymeshlab(surface: Surface) -> Any:

@@ -161,6 +161,11 @@ def extent(surface: Surface) -> float:
     return float(np.linalg.norm(np.ptp(surface.vertices.T.copy(), axis=1))) if len(surface.vertices) else 0.0
 
 
+def euler_number(surface: Surface) -> int:
+    """Of a closed surface: vertices less edges plus faces; 2 for a ball, 2 less for each handle."""
+    return len(surface.vertices) - len(surface.faces) // 2
+
+
 def vertex_normals(surface: Surface) -> Float64[np.ndarray, "V 3"]:
     """Unit normals, the mean of the faces' normals weighted by their angles at the vertex; +y where that
     vanishes."""

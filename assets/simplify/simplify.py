@@ -1,16 +1,24 @@
-"""Fewer faces by quadric edge collapses, with the result checked and still in one closed piece: our own
-collapses (`assets.simplify.decimate`) or, where these get stuck, fast-simplification's, or pymeshlab's."""
+"""Fewer faces by quadric edge collapses, with the result checked and still in one closed piece.
+
+The adaptive simplifier collapses by `assets.simplify.decimate` and, where that gets stuck, by
+fast-simplification or pymeshlab. Who asks for one of these by name gets its collapses and no others; what
+they leave open or crowded is repaired.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
 from assets.errors import GeometryError
 from assets.mesh.clean import clean, from_pymeshlab, to_pymeshlab
-from assets.mesh.surface import Surface, find_defects, volume
+from assets.mesh.surface import Surface, euler_number, find_defects, volume
 from assets.simplify.decimate import decimate
 from avatargen.errors import InputError
+
+Simplifier = Literal["adaptive", "pymeshlab", "fast-simplification"]
+SIMPLIFIERS: tuple[Simplifier, ...] = get_args(Simplifier)
 
 FEWEST_FACES = 4  # a tetrahedron
 # of fast-simplification, in the order tried: the lower, the more exact and the less it tears
@@ -21,47 +29,65 @@ PASSES = 4  # of one aggression: a low one stops short of the target, and goes o
 
 @dataclass(frozen=True, kw_only=True)
 class SimplifyConfig:
-    """How many faces to keep and how far off that number may end."""
+    """How many faces to keep, how far off that number may end, and by whose collapses."""
 
     target_faces: int = 20_000
     tolerance: float = 0.02
+    simplifier: Simplifier = "adaptive"
 
     def __post_init__(self) -> None:
         if self.target_faces < FEWEST_FACES:
             raise InputError(
                 f"simplify: target of {self.target_faces} faces; a closed surface has at least {FEWEST_FACES}"
             )
+        if self.simplifier not in SIMPLIFIERS:
+            raise InputError(f"simplifier: found {self.simplifier!r}, wanted one of {', '.join(SIMPLIFIERS)}")
 
 
 def simplify(surface: Surface, config: SimplifyConfig | None = None) -> Surface:
     """A sound surface of `target_faces` triangles, within the tolerance and never more than were given.
 
-    A surface that already has no more than the target comes back as it is.
+    A surface that already has no more than the target comes back as it is. Handles are kept where a way to
+    the target keeps them.
 
     Raises:
-        GeometryError: no method reached the target with a closed manifold surface.
+        GeometryError: no way reached the target with a closed manifold surface.
     """
     config = config or SimplifyConfig()
     if len(surface.faces) <= config.target_faces:
         return surface
     slack = max(config.tolerance * config.target_faces, 2.0)
-    closest = len(surface.faces)
-    for candidate in candidates(surface, config.target_faces):
+    closest, sound = len(surface.faces), None
+    for candidate in CANDIDATES[config.simplifier](surface, config.target_faces):
         count = len(candidate.faces)
         if abs(count - config.target_faces) <= slack and not find_defects(candidate):
-            return candidate
+            if euler_number(candidate) == euler_number(surface):
+                return candidate
+            sound = sound or candidate
         closest = min(closest, count, key=lambda faces: abs(faces - config.target_faces))
+    if sound is not None:
+        return sound
+    other = "" if config.simplifier == "adaptive" else ", or choose the adaptive simplifier"
     raise GeometryError(
-        f"simplify: no method kept the surface closed and manifold at {config.target_faces} faces, "
-        f"the nearest try had {closest}; ask for more faces"
+        f"simplify: {NAMES[config.simplifier]} kept the surface closed and manifold at {config.target_faces} "
+        f"faces, the nearest try had {closest}; ask for more faces{other}"
     )
 
 
-def candidates(surface: Surface, target_faces: int) -> Iterator[Surface]:
+def by_any(surface: Surface, target_faces: int) -> Iterator[Surface]:
     """Ways to the target in the order of their worth, each repaired once if its result is not sound."""
     yield decimate(surface, target_faces)
+    yield from by_fast_simplification(surface, target_faces)
+    yield from by_pymeshlab(surface, target_faces)
+
+
+def by_fast_simplification(surface: Surface, target_faces: int) -> Iterator[Surface]:
+    """Ever more willing to change the topology."""
     for aggression in AGGRESSION:
         yield from with_repair(collapse_fast(surface, target_faces, aggression))
+
+
+def by_pymeshlab(surface: Surface, target_faces: int) -> Iterator[Surface]:
     yield from with_repair(collapse_carefully(surface, target_faces))
 
 
@@ -103,3 +129,11 @@ def collapse_carefully(surface: Surface, target_faces: int) -> Surface:
         preservenormal=True,
     )
     return from_pymeshlab(meshes)
+
+
+CANDIDATES = {"adaptive": by_any, "pymeshlab": by_pymeshlab, "fast-simplification": by_fast_simplification}
+NAMES = {
+    "adaptive": "no method",
+    "pymeshlab": "pymeshlab has not",
+    "fast-simplification": "fast-simplification has not",
+}

@@ -1,6 +1,7 @@
 """What an export would do, in words."""
 
 from assets.choose import candidates, curves_for
+from assets.pipeline import plan_for
 from avatargen.export.fingerprint import fingerprint
 from avatargen.export.left_out import saving
 from avatargen.export.request import ExportRequest
@@ -31,8 +32,8 @@ def describe(request: ExportRequest) -> str:
     others = set_otherwise(request)
     if others:
         lines.append("set otherwise than by default: " + ", ".join(others))
-    plan = config.plan()
-    lines.append("stages: " + ", ".join(plan.stages))
+    plan = plan_for(config)
+    lines.append("stages: " + ", ".join(plan.names))
     for item in plan.left_out:
         said = saving(item, config, curves)
         saved = f" (saves about {said['seconds_saved']} s)" if "seconds_saved" in said else ""

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from assets.asset.asset import PlainAsset
 from assets.build_config import AvatarFields, BuildConfig
 from assets.choose import Choice, candidates, curves_for
-from assets.clock import Progress
-from assets.pipeline import build_content
+from assets.pipeline import Progress, build_content
 from avatargen.export.request import ExportRequest
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from assets.build_config import AvatarFields, BuildConfig
 from assets.choose import Curves, curves_for
-from assets.plan import LeftOut
+from assets.content import LeftOut
 
 
 def savings(

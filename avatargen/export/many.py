@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from assets.clock import Progress
+from assets.pipeline import Progress
 from avatargen.errors import AvatarGenError, InputError
 from avatargen.export.fingerprint import fingerprint
 from avatargen.export.manifest import NAME, Row, open_manifest

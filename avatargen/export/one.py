@@ -15,8 +15,7 @@ from assets.asset.joints import body_on
 from assets.asset.levels import with_levels
 from assets.asset.names import rename_joints
 from assets.build_config import BuildConfig
-from assets.clock import Progress
-from assets.pipeline import build_content
+from assets.pipeline import Progress, build_content
 from avatargen.atomic import check_writable, write_together
 from avatargen.body.pose import load_pose
 from avatargen.errors import InputError

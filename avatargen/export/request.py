@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from assets.build_config import BuildConfig
-from assets.plan import CONTENTS
+from assets.content import CONTENTS
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
 from avatargen.export.rules import check_chosen, check_one_or_many, check_source

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from assets.build_config import BuildConfig
-from assets.plan import CONTENTS
+from assets.content import CONTENTS
 from assets.scenes import find_scene
 from avatargen.export.request import require_map
 from exporters import find_format

@@ -5,26 +5,23 @@ Each point of a sweep is a row: what was set, what it cost, how far it is from t
 processor's: with the bench's one thread what a clock shows on an idle machine, and the same on a busy one.
 """
 
-import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product, takewhile
 
 import numpy as np
 import torch
 
 from assets.build_config import BuildConfig
-from assets.mesh.clean import clean
-from assets.mesh.measure import surface_error
+from assets.charting import Charting
+from assets.draft import open_draft
 from assets.mesh.surface import Surface, find_defects, smallest_angles
-from assets.shape import atlas_config, find_pose, find_surface
-from assets.simplify.reduce import reduce, refit
-from assets.skin.attach import Attachment, attach
-from assets.skin.rest import to_rest
-from assets.skin.skin import Skin, SkinConfig, parts_of_faces, skin_attached
-from assets.texture.atlas import AtlasConfig, unwrap
+from assets.pipeline import plan_for, run
+from assets.skin.attach import attach
+from assets.skin.skin import SkinConfig, skin_attached
 from assets.texture.bake import BakeConfig, bake_texture
 from avatargen.avatar import Avatar
-from avatargen.commands.bench.cost import measured
+from avatargen.commands.bench.cost import Cost, measured
 from avatargen.commands.bench.poses import posed_error
 from avatargen.commands.bench.truth import Truth, match, normal_errors, texture_psnr
 from avatargen.generator.renderer import box_interval, composite, stratify
@@ -100,48 +97,33 @@ def sweep_surfaces(
     avatar: Avatar, truth: Truth, resolutions: Sequence[int], faces: Sequence[int]
 ) -> Iterator[SurfaceRow]:
     """Every resolution with every number of faces that it can give."""
-    for resolution, count in itertools.product(resolutions, faces):
-        with measured() as extracting:
-            extraction = find_surface(avatar, resolution, count)
-        with measured() as cleaning:
-            dense = clean(extraction.surface).surface
-        if count < len(dense.faces):
-            seconds = {"extract": extracting.cpu_seconds, "clean": cleaning.cpu_seconds}
-            row = surface_row(avatar, truth, dense, resolution, count, seconds)
-            yield replace(row, peak_mb=max(row.peak_mb, extracting.peak_mb, cleaning.peak_mb))
+    for resolution, count in product(resolutions, faces):
+        row = surface_row(avatar, truth, BuildConfig(resolution=resolution, faces=count))
+        if row is not None:
+            yield row
 
 
-def surface_row(
-    avatar: Avatar, truth: Truth, dense: Surface, resolution: int, faces: int, seconds: dict[str, float]
-) -> SurfaceRow:
-    """One number of faces of an extracted surface: the later stages one by one."""
-    costs = []
-    with measured() as cost:
-        surface = refit(reduce(dense, avatar.sdf, faces), avatar.sdf)
-    costs.append(("simplify", cost))
-    with measured() as cost:
-        attachment, skin = skinned(surface, avatar)
-    costs.append(("skin", cost))
-    with measured() as cost:
-        error = surface_error(surface, avatar.sdf)
-    costs.append(("measure", cost))
-    with measured() as cost:
-        config = BuildConfig()
-        rotations = find_pose(config.pose, avatar.body)
-        to_rest(surface, skin, attachment, avatar.body, avatar.betas, rotations)
-    costs.append(("rest", cost))
-    with measured() as cost:
-        unwrap(surface, parts_of_faces(surface, skin), atlas_config(avatar.body, config))
-    costs.append(("atlas", cost))
-    found = match(truth, surface)
+def surface_row(avatar: Avatar, truth: Truth, config: BuildConfig) -> SurfaceRow | None:
+    """The pipeline from the field to charts; None where the surface has no more faces than asked for."""
+    assert config.faces is not None, "a sweep is of numbers of faces"
+    costs: dict[str, Cost] = {}
+    with open_draft(avatar, config, charts=True) as draft:
+        for stage in takewhile(lambda stage: stage.name != "bake", plan_for(config).stages):
+            with measured() as costs[stage.name]:
+                stage.run(draft)
+                if stage.name == "charts" and draft.charting is not None:
+                    draft.charting.result()  # beside other stages its seconds would count as theirs
+    if config.faces >= len(draft.cleaning.surface.faces):
+        return None
+    surface, error, found = draft.surface, draft.error, match(truth, draft.surface)
     back = 1000 * found.distance
     normals = normal_errors(truth, surface, found)
     return SurfaceRow(
         seed=avatar.seed,
-        resolution=resolution,
-        faces=faces,
-        seconds=seconds | {name: cost.cpu_seconds for name, cost in costs},
-        peak_mb=max(cost.peak_mb for _, cost in costs),
+        resolution=config.resolution,
+        faces=config.faces,
+        seconds={stage: cost.cpu_seconds for stage, cost in costs.items()},
+        peak_mb=max(cost.peak_mb for cost in costs.values()),
         mean_mm=error.mean_mm,
         p99_mm=error.p99_mm,
         max_mm=error.max_mm,
@@ -155,16 +137,12 @@ def surface_row(
     )
 
 
-def skinned(surface: Surface, avatar: Avatar) -> tuple[Attachment, Skin]:
-    """The surface on the body."""
-    attachment = attach(surface, avatar.body)
-    return attachment, skin_attached(attachment, avatar.body, SkinConfig())
-
-
 def default_surface(avatar: Avatar, resolution: int, faces: int) -> Surface:
     """The mesh that textures and poses are measured on."""
-    dense = clean(find_surface(avatar, resolution, faces).surface).surface
-    return refit(reduce(dense, avatar.sdf, faces), avatar.sdf)
+    config = BuildConfig(content="mesh", resolution=resolution, faces=faces)
+    with open_draft(avatar, config, charts=False) as draft:
+        run(plan_for(config), draft)
+    return draft.surface
 
 
 def sweep_textures(
@@ -172,11 +150,10 @@ def sweep_textures(
 ) -> Iterator[TextureRow]:
     """Every size, each with charts of its own."""
     found = match(truth, surface)
-    _, skin = skinned(surface, avatar)
-    parts = parts_of_faces(surface, skin)
-    scales = atlas_config(avatar.body, BuildConfig()).scales
     for size in sizes:
-        atlas = unwrap(surface, parts, AtlasConfig(texture_size=size, scales=scales))
+        with Charting() as charting:
+            charting.begin(surface, avatar.body, BuildConfig(texture=size))
+            atlas = charting.result()
         with measured() as baking:
             texture = bake_texture(surface, atlas, avatar.color, BakeConfig(texture_size=size))
         with measured() as encoding:
@@ -193,7 +170,8 @@ def sweep_textures(
 
 def sweep_mapping(avatar: Avatar, surface: Surface, neighbours: Sequence[int]) -> Iterator[MappingRow]:
     """Twenty poses for every number of neighbours."""
-    attachment, skin = skinned(surface, avatar)
+    attachment = attach(surface, avatar.body)
+    skin = skin_attached(attachment, avatar.body, SkinConfig())
     for nearest in neighbours:
         error = posed_error(surface, skin, attachment, avatar, nearest)
         yield MappingRow(seed=avatar.seed, nearest=nearest, **vars(error))

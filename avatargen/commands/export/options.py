@@ -197,6 +197,16 @@ def add_asset_options(group: _ArgumentGroup) -> None:
         help="instead of --faces: triangles of each level of detail, finest first, all in one .glb or .gltf",
     )
     add(
+        "--mesher",
+        choices=("adaptive", "marching-cubes"),
+        help="how the surface is found; marching-cubes: by scikit-image, every cell (default: adaptive)",
+    )
+    add(
+        "--simplifier",
+        choices=("adaptive", "pymeshlab", "fast-simplification"),
+        help="whose collapses leave --faces; pymeshlab cleans by its own filters too (default: adaptive)",
+    )
+    add(
         "--tolerance",
         dest="tolerance_mm",
         type=quantity("mm"),

@@ -64,6 +64,7 @@ def judges_of(path: Path) -> dict[str, Judge]:
         return {"UsdValidation, and what it overlooks": check_usd}
     if suffix in (".obj", ".ply", ".stl"):
         from exporters.check_mesh import check_mesh
+        from exporters.check_trimesh import check_trimesh
 
-        return {"closed surface, read by PyMeshLab": check_mesh}
+        return {"closed surface, read by PyMeshLab": check_mesh, "trimesh": check_trimesh}
     raise InputError(f"found {path.name!r}, wanted a file of a format that avatar-export writes")

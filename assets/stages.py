@@ -1,0 +1,117 @@
+"""What each stage does: it reads from the draft what earlier ones have made, and adds its own. Their order is
+`assets.pipeline.STAGES`."""
+
+from functools import partial
+
+from assets.draft import Draft
+from assets.isosurface.adaptive import trace_adaptively
+from assets.isosurface.extract import ExtractConfig, Extraction, trace, trace_whole
+from assets.isosurface.volume import march_volume
+from assets.mesh.clean import clean as clean_surface
+from assets.mesh.clean import filter_by_pymeshlab
+from assets.mesh.measure import missed_error, surface_error
+from assets.simplify.reduce import reduce, refit
+from assets.simplify.simplify import SimplifyConfig
+from assets.simplify.simplify import simplify as simplify_surface
+from assets.skin.attach import attach
+from assets.skin.rest import to_rest
+from assets.skin.skin import SkinConfig, skin_attached
+from assets.texture.bake import BakeConfig, bake_texture
+from assets.texture.normal_map import bake_normals
+from assets.texture.occlusion import bake_occlusion, distance_to
+
+SEEDS = 32  # cells along the bounds' longest side at which the search ends: of all pieces the largest is kept
+
+
+def extract(draft: Draft) -> None:
+    """The zero level. The adaptive mesher is as coarse as the faces left allow; where all are kept it is
+    exact, as marching cubes always are."""
+    draft.extraction = find_surface(draft)
+
+
+def clean(draft: Draft) -> None:
+    """One closed piece. pymeshlab's recipe has its filters first; what these leave is repaired here too."""
+    surface = draft.extraction.surface
+    if draft.config.simplifier == "pymeshlab":
+        surface = filter_by_pymeshlab(surface)
+    draft.cleaning = clean_surface(surface)
+    draft.surface = draft.cleaning.surface
+
+
+def simplify(draft: Draft) -> None:
+    """The adaptive simplifier asks the field where its faces belong. pymeshlab and fast-simplification know
+    the mesh alone: who asks for them gets what they make of it, laid on the field neither before nor
+    after."""
+    faces, simplifier = draft.config.faces, draft.config.simplifier
+    assert faces is not None, "planned without a number of faces"
+    if simplifier == "adaptive":
+        draft.surface = reduce(draft.surface, draft.avatar.sdf, faces)
+    else:
+        collapses = SimplifyConfig(target_faces=faces, simplifier=simplifier)
+        draft.surface = simplify_surface(draft.surface, collapses)
+
+
+def charts(draft: Draft) -> None:
+    """Begins to cut them: faces are final now, and vertices move half a millimetre at most as a rule."""
+    assert draft.charting is not None, "planned without charts"
+    draft.charting.begin(draft.surface, draft.body, draft.config)
+
+
+def fit(draft: Draft) -> None:
+    draft.surface = refit(draft.surface, draft.avatar.sdf)
+
+
+def skin(draft: Draft) -> None:
+    draft.attachment = attach(draft.surface, draft.body)
+    draft.skin = skin_attached(draft.attachment, draft.body, SkinConfig())
+
+
+def measure(draft: Draft) -> None:
+    draft.error = surface_error(draft.surface, draft.avatar.sdf)
+    if draft.config.faces is not None:
+        draft.missed = missed_error(draft.surface, draft.cleaning.surface)
+
+
+def rest(draft: Draft) -> None:
+    betas, on_ground = draft.avatar.betas, draft.config.on_ground
+    draft.rest = to_rest(
+        draft.surface, draft.skin, draft.attachment, draft.body, betas, draft.rotations, on_ground
+    )
+
+
+def atlas(draft: Draft) -> None:
+    """Waits for the charts."""
+    assert draft.charting is not None, "planned without charts"
+    draft.atlas = draft.charting.result()
+
+
+def bake(draft: Draft) -> None:
+    size = square(draft.config.texture)
+    draft.texture = bake_texture(draft.surface, draft.charted, draft.avatar.color, size)
+
+
+def normals(draft: Draft) -> None:
+    size = square(draft.config.normal_map)
+    draft.normal_map = bake_normals(draft.surface, draft.rest, draft.charted, draft.avatar.sdf, size)
+
+
+def occlusion(draft: Draft) -> None:
+    size = square(draft.config.ambient_occlusion)
+    draft.occlusion = bake_occlusion(draft.surface, draft.charted, distance_to(draft.surface), size)
+
+
+def square(texels: int | None) -> BakeConfig:
+    """A picture of so many texels along a side."""
+    assert texels is not None, "planned without this picture"
+    return BakeConfig(texture_size=texels)
+
+
+def find_surface(draft: Draft) -> Extraction:
+    """The avatar's surface, in larger bounds where it leaves its own."""
+    config, way = draft.config, trace
+    if config.mesher == "marching-cubes":
+        way = partial(trace, march=march_volume)
+    elif config.faces is not None:
+        way = partial(trace_adaptively, faces=config.faces)
+    extraction = ExtractConfig(resolution=config.resolution, seeds=SEEDS)
+    return trace_whole(draft.avatar.sdf, draft.avatar.bounds, extraction, way)
