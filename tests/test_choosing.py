@@ -10,7 +10,7 @@ import pytest
 import torch
 
 import avatargen
-from assets.pipeline import asset_info
+from assets.assemble import asset_info
 from avatargen.avatar import AvatarSampler
 from avatargen.errors import InputError
 from avatargen.generator.checkpoint import save_checkpoint

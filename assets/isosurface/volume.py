@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int64
 
-from assets.isosurface.grid import CornerValues, once
+from assets.isosurface.grid import CornerValues, unique_below
 from assets.mesh.surface import Surface
 from avatargen.errors import InputError
 
@@ -34,7 +34,7 @@ def march_volume(values: CornerValues, cells: Int64[np.ndarray, "C 3"]) -> Surfa
             f"extract: marching cubes want a volume of {' x '.join(map(str, shape))} corners, more than "
             f"{LARGEST_VOLUME / 1e6:.0f} million; lower the resolution or choose the adaptive mesher"
         )
-    slots = once(values.slots_of_cells(cells).reshape(-1), len(values.values))
+    slots = unique_below(values.slots_of_cells(cells).reshape(-1), len(values.values))
     volume, crossed = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=bool)
     field = values.values[slots] / grid.cell_size
     field = np.copysign(np.maximum(np.abs(field), NEVER_ZERO), field)

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float32, Float64, UInt8
 from scipy.ndimage import gaussian_filter
 
-from avatargen.body.closest import ClosestPoints
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
+from avatargen.mesh.closest import ClosestPoints
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment
 from avatargen.wardrobe.makehuman.texture import texels

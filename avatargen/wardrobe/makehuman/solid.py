@@ -14,7 +14,7 @@ from jaxtyping import Float32, Float64, Int64
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from avatargen.body.closest import ClosestPoints
+from avatargen.mesh.closest import ClosestPoints
 from avatargen.wardrobe.makehuman.load import FittedGarment
 
 
