@@ -141,6 +141,8 @@ def resolve_target(path: str | Path) -> Path:
     """The real place `path` points at. Raises InputError where no regular file can stand there."""
     try:
         target = Path(path).resolve()
+        if target.is_symlink():  # what Python 3.13 makes of a loop; until then it is an error
+            raise InputError(f"cannot write {path}: it is a loop of links; give the name of a file")
         if target.is_dir():
             raise InputError(f"cannot write {path}: it is a folder; give the name of a file")
         if target.exists() and not target.is_file():

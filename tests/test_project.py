@@ -25,6 +25,43 @@ FRONT = (
 )  # names what the room of exports offers, and loads it when asked
 
 
+# The rooms of a package, a folder or a file at its top, from the ground up: a room imports from floors below,
+# and neither from its own floor nor from above. An import of the package itself is of its front door.
+FLOORS = {
+    "assets": (
+        "errors",
+        "field plan",
+        "clock mesh",
+        "isosurface simplify skin",
+        "texture",
+        "asset",
+        "build_config picture",
+        "shape",
+        "pipeline",
+    ),
+    "avatargen": (
+        "errors shadow",
+        "atomic compiled threads",
+        "body",
+        "motion wardrobe",
+        "generator",
+        "avatar",
+        "data",
+        "training",
+        "metrics",
+        "commands",
+    ),
+    "avatargen.commands": (
+        "line progress",
+        "export",
+        "bench learn viewer",
+        "look stress",
+        "main",
+    ),
+}
+LONGEST_FUNCTION, LONGEST_FILE = 141, 456  # lines; they may only become less
+
+
 @cache
 def imports_of(path: Path) -> frozenset[str]:
     """Every module a file imports, at the top or inside functions."""
@@ -33,8 +70,16 @@ def imports_of(path: Path) -> frozenset[str]:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found.add(node.module)
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            modules = {name for name in inner if is_module(name)}
+            found |= modules if modules == inner else modules | {node.module}
     return frozenset(found)
+
+
+def is_module(name: str) -> bool:
+    """Whether a module of ours has this name."""
+    path = PROJECT.joinpath(*name.split("."))
+    return path.is_dir() or path.with_suffix(".py").is_file()
 
 
 def files_of(*folders: str) -> list[Path]:
@@ -100,6 +145,56 @@ def test_compiled_functions_are_marked_and_explained() -> None:
         }
         assert not [call for call in calls if getattr(call, "id", "") in ("compiled", "inner")], path
     assert marked > 50
+
+
+def wrong_ways(package: str, floors: tuple[str, ...]) -> list[str]:
+    """What is wrong with the imports among the rooms of a package, a line each."""
+    floor_of = {room: floor for floor, rooms in enumerate(floors) for room in rooms.split()}
+    found, folder = [], PROJECT.joinpath(*package.split("."))
+    for path in sorted(folder.rglob("*.py")):
+        here = path.relative_to(folder).with_suffix("").parts[0]
+        if here == "__init__":
+            continue
+        if here not in floor_of:
+            found.append(
+                f"{package}.{here} is a new room: add it to FLOORS[{package!r}] in {Path(__file__).name}, "
+                "above all that it imports"
+            )
+            continue
+        inside = [name for name in imports_of(path) if name.startswith(f"{package}.")]
+        rooms = {name.removeprefix(f"{package}.").split(".")[0] for name in inside} - {here}
+        found += [
+            f"{path.relative_to(PROJECT)} imports {package}.{there}, which is no floor below it"
+            for there in rooms
+            if floor_of.get(there, -1) >= floor_of[here]
+        ]
+    return sorted(set(found))
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_rooms_import_from_floors_below(package: str) -> None:
+    """So there is no circle among them."""
+    assert wrong_ways(package, FLOORS[package]) == []
+
+
+def test_an_import_back_up_and_a_new_room_are_named() -> None:
+    floors = FLOORS["assets"]
+    assert "assets/pipeline.py imports assets.shape, which is no floor below it" in wrong_ways(
+        "assets", (*floors[:-2], " ".join(floors[-2:]))
+    )
+    turned = wrong_ways("assets", floors[::-1])
+    assert "assets/texture/bake.py imports assets.mesh, which is no floor below it" in turned
+    (new,) = wrong_ways("assets", (*floors[:1], floors[1].replace("plan", ""), *floors[2:]))
+    assert new.startswith("assets.plan is a new room: add it to FLOORS['assets'] in test_project.py")
+
+
+def test_nothing_is_too_long_to_read() -> None:
+    for path in files_of(*PACKAGES):
+        text = path.read_text()
+        assert len(text.splitlines()) <= LONGEST_FILE, path
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                assert (node.end_lineno or 0) - node.lineno + 1 <= LONGEST_FUNCTION, f"{path}: {node.name}"
 
 
 def test_every_import_is_declared_and_every_dependency_used() -> None:
