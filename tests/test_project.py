@@ -31,17 +31,18 @@ FLOORS = {
     "assets": (
         "errors",
         "field plan",
-        "clock mesh",
+        "clock mesh scenes",
         "isosurface simplify skin",
         "texture",
         "asset",
         "build_config picture",
-        "shape",
+        "choose shape",
         "pipeline",
     ),
     "avatargen": (
         "errors shadow",
-        "atomic compiled threads",
+        "atomic compiled shipped threads",
+        "mesh",
         "body",
         "motion wardrobe",
         "generator",
@@ -49,6 +50,7 @@ FLOORS = {
         "data",
         "training",
         "metrics",
+        "export",
         "commands",
     ),
     "avatargen.commands": (
@@ -59,7 +61,7 @@ FLOORS = {
         "main",
     ),
 }
-LONGEST_FUNCTION, LONGEST_FILE = 141, 456  # lines; they may only become less
+LONGEST_FUNCTION, LONGEST_FILE = 60, 456  # lines; they may only become less
 
 
 @cache
@@ -184,8 +186,8 @@ def test_an_import_back_up_and_a_new_room_are_named() -> None:
     )
     turned = wrong_ways("assets", floors[::-1])
     assert "assets/texture/bake.py imports assets.mesh, which is no floor below it" in turned
-    (new,) = wrong_ways("assets", (*floors[:1], floors[1].replace("plan", ""), *floors[2:]))
-    assert new.startswith("assets.plan is a new room: add it to FLOORS['assets'] in test_project.py")
+    new = wrong_ways("assets", (*floors[:1], floors[1].replace("plan", ""), *floors[2:]))
+    assert new[0].startswith("assets.plan is a new room: add it to FLOORS['assets'] in test_project.py")
 
 
 def test_nothing_is_too_long_to_read() -> None:
