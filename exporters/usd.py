@@ -28,7 +28,7 @@ from exporters.encoding import SUFFIXES, Encoding
 from exporters.file import File
 from exporters.glb import PICTURES, ROUGHNESS, exact_weights, picture_files, unit
 from exporters.package import pack
-from exporters.usd_motion import add_animations, add_morphs
+from exporters.usd_motion import add_animations, add_extents, add_morphs
 
 ROOT = "/avatar"
 UNNAMEABLE = re.compile(r"[\x00-\x1f\[\]<>]")  # in a path inside USD these mean packages and tiles
@@ -93,10 +93,11 @@ def make_stage(asset: PlainAsset) -> Usd.Stage:
     describe_source(stage.GetRootLayer(), asset.info)
     mesh = add_mesh(stage, asset)
     if isinstance(asset, Asset):
-        UsdSkel.Root(root).CreateExtentAttr(extent(asset))
+        root.CreateExtentAttr(extent(asset))
         skeleton = add_skeleton(stage, asset.skeleton)
         bind_mesh(mesh, asset, skeleton)
         add_animations(stage, asset, skeleton)
+        add_extents(asset, root, mesh)
         add_morphs(stage, asset, mesh)
     return stage
 
