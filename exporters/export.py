@@ -12,6 +12,7 @@ from avatargen.errors import InputError
 from exporters import glb, gltf_files, obj, ply, stl, vrm
 from exporters.encoding import PLAIN, SUFFIXES, Encoding, PictureFormat
 from exporters.file import File
+from exporters.slicer import for_slicers
 
 Map = Literal["normal", "occlusion"]
 Encoder = Callable[[PlainAsset, tuple[str, ...], Encoding], tuple[File, ...]]
@@ -27,7 +28,7 @@ class Format:
     `content` is the most that the format can hold, `maps` the pictures among it beside the base colour,
     `rest_pose` the one pose that it must have. `pictures` are the ways it can hold pictures in, `quantize`
     whether it can hold rounded numbers; only formats with `levels` hold coarser levels of detail, the others
-    write the finest.
+    write the finest. Formats with `units` say what theirs are, so that all their readers agree.
     """
 
     encode: Encoder
@@ -38,6 +39,7 @@ class Format:
     pictures: tuple[PictureFormat, ...] = ("png", "jpeg")
     quantize: bool = False
     levels: bool = False
+    units: bool = True
 
 
 def one_file(encode: Callable[[PlainAsset, Encoding], bytes]) -> Encoder:
@@ -70,10 +72,14 @@ FORMATS: dict[str, Format] = {
     ".usdc": Format(encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png")),
     ".usdz": Format(encode_usd),
     ".obj": Format(
-        obj.encode, beside=(".mtl", "_base_color.png", "_normal.png"), content="textured", maps=("normal",)
+        obj.encode,
+        beside=(".mtl", "_base_color.png", "_normal.png"),
+        content="textured",
+        maps=("normal",),
+        units=False,
     ),
-    ".ply": Format(mesh_file(ply.encode), content="textured", maps=(), pictures=("png",)),
-    ".stl": Format(mesh_file(stl.encode), content="mesh", maps=(), pictures=("png",)),
+    ".ply": Format(mesh_file(ply.encode), content="textured", maps=(), pictures=("png",), units=False),
+    ".stl": Format(one_file(stl.encode), content="mesh", maps=(), pictures=("png",), units=False),
 }
 
 
@@ -100,6 +106,10 @@ def require_encoding(path: str | Path, encoding: Encoding) -> None:
         )
     if encoding.quantize and not wanted.quantize:
         raise InputError(f"export: {suffix} holds no rounded numbers; leave that out, or use .glb or .gltf")
+    if encoding.for_slicers and wanted.units:
+        raise InputError(
+            f"export: {suffix} is in metres, which slicers ask for; write them .stl, .obj or .ply"
+        )
 
 
 def files_of(path: str | Path, encoding: Encoding = PLAIN) -> list[Path]:
@@ -123,6 +133,7 @@ def encode(asset: PlainAsset, path: str | Path, encoding: Encoding = PLAIN) -> l
         InputError: the suffix is unknown, or the format cannot carry the asset or the file's name.
     """
     paths = files_of(path, encoding)
+    asset = for_slicers(asset) if encoding.for_slicers else asset
     files = find_format(path).encode(asset, tuple(file.name for file in paths), encoding)
     return [(paths[0].with_name(file.name), file.data) for file in reversed(files)]
 

@@ -14,6 +14,7 @@ from PIL import Image
 from assets.asset.asset import Asset, PlainAsset
 from avatargen.errors import InputError
 from exporters import encode, export, ply, stl
+from exporters.encoding import Encoding
 from exporters.weld import weld
 from tests.tube import tube, welded
 from tests.verdicts import JUDGES, blender_python
@@ -174,3 +175,27 @@ def test_ply_header_names_where_it_comes_from() -> None:
     header = ply.encode(tube()).split(b"end_header\n")[0]
     assert b"comment avatargen 0.1.0, seed 3, weights 000" in header
     assert io.BytesIO(header).readline() == b"ply\n"
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_slicers_get_millimetres_standing_on_the_plate(tmp_path: Path, suffix: str) -> None:
+    """Read back by trimesh: the same closed surface in millimetres, up along z, its front at -y."""
+    asset = seamed()
+    export(asset, tmp_path / f"tube{suffix}", Encoding(for_slicers=True))
+    mesh: Any = trimesh.load_mesh(tmp_path / f"tube{suffix}", process=False, maintain_order=True)
+    np.testing.assert_allclose(
+        mesh.vertices[mesh.faces], 1000 * asset.vertices[asset.faces] @ Z_UP.T, atol=1e-4
+    )
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    assert mesh.is_volume
+    assert mesh.extents[2] == pytest.approx(1000.0, abs=1e-2) and mesh.bounds[0, 2] == pytest.approx(0)
+    if suffix == ".stl":
+        assert (tmp_path / "tube.stl").read_bytes()[:80].find(b"millimetres, z up") > 0
+        assert stl.encode(asset)[:80].find(b"metres, y up") > 0
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".vrm", ".usda", ".usdc", ".usdz"])
+def test_files_that_name_their_unit_stay_as_they_are(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(InputError, match=r"in metres, which slicers ask for; write them \.stl"):
+        export(seamed(), tmp_path / f"tube{suffix}", Encoding(for_slicers=True))
+    assert list(tmp_path.iterdir()) == []
