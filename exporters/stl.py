@@ -1,4 +1,4 @@
-"""A mesh as binary STL: triangles alone. STL itself names no unit and no upward axis; its header says them."""
+"""A mesh as binary STL: triangles alone. STL has no place for unit and upward axis; its header says them."""
 
 import numpy as np
 

@@ -12,7 +12,6 @@ left there. USD's matrices act on row vectors, so ours are transposed. Letters: 
 # USD's modules fill themselves when they load, so their names are unknown before.
 # pyright: reportAttributeAccessIssue=false
 
-import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,23 +30,14 @@ from exporters.package import pack
 from exporters.usd_motion import add_animations, add_extents, add_morphs
 
 ROOT = "/avatar"
-UNNAMEABLE = re.compile(r"[\x00-\x1f\[\]<>]")  # in a path inside USD these mean packages and tiles
 
 
 def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
-    """NAME.usda or NAME.usdc and its pictures, or NAME.usdz, which holds all.
-
-    Raises:
-        InputError: a picture's name cannot stand inside a USD file.
-    """
+    """NAME.usda or NAME.usdc and its pictures, or NAME.usdz, which holds all."""
     name, suffix = names[0], Path(names[0]).suffix.lower()
     picture_names = names[1:]
     if suffix == ".usdz":
         picture_names = tuple(f"{picture}{SUFFIXES[encoding.pictures]}" for picture in PICTURES)
-    if any(UNNAMEABLE.search(picture) for picture in picture_names):
-        raise InputError(
-            f"export: {name!r} holds a character that USD cannot keep in a path; use letters and digits"
-        )
     stage, files = make_stage(asset), ()
     if isinstance(asset, TexturedAsset):
         named = picture_files(asset, picture_names, encoding)
