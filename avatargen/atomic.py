@@ -151,7 +151,7 @@ def resolve_target(path: str | Path) -> Path:
         if isinstance(error, InputError):
             raise
         raise InputError(
-            f"cannot write {path!r}: {error}; give the name of a file in a writable folder"
+            f"cannot write {str(path)!r}: {error}; give the name of a file in a writable folder"
         ) from error
     return target
 
@@ -163,7 +163,7 @@ def unwritable(path: str | Path, error: OSError) -> InputError:
 
 def part_prefix(target: Path) -> str:
     """Names no other target's leftovers: the length tells `a` from `a.b`. Short enough for any disk."""
-    name = target.name.encode()[:150].decode(errors="ignore")
+    name = os.fsencode(target.name)[:150].decode(errors="ignore")
     return f".{name}.{len(target.name)}-"
 
 

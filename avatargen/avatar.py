@@ -9,7 +9,6 @@ shape.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -17,6 +16,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 from avatargen import __version__
+from avatargen.avatar_info import AvatarInfo
 from avatargen.body.distance import BodyDistance
 from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
@@ -45,30 +45,6 @@ WORTH_A_THREAD = 1 << 10  # points
 FEWEST_CHUNKS = 4  # of points that are worth as many threads
 GPU_CHUNK = 1 << 18
 BOX_MARGIN = 0.05  # metres around the body that an avatar's box always has
-
-
-@runtime_checkable
-class Described(Protocol):
-    """Attributes that can be told as names and values."""
-
-    def facts(self) -> dict[str, str | int | float]: ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class AvatarInfo:
-    """Where an avatar comes from, and who it is where that is known."""
-
-    seed: int
-    weights_hash: str
-    version: str
-    licence: str
-    height_m: float  # of the body, crown of the head to the soles
-    attributes: Described | None = None
-
-    @property
-    def facts(self) -> tuple[tuple[str, str | int | float], ...]:
-        """The attributes as names and values, as files hold them."""
-        return tuple(self.attributes.facts().items()) if self.attributes else ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,8 +1,8 @@
 """What is wrong with a USD file: UsdValidation's verdict, and what it does not look at.
 
 UsdValidation passes joints that do not exist, weights of NaN, arrays of the wrong length, skeletons that are
-not there, absolute paths of textures and textures that are missing. Each finding is one sentence that begins
-with the prim it is about.
+not there, absolute paths of textures, textures that are missing and extents that what plays leaves. Each
+finding is one sentence that begins with the prim it is about.
 """
 
 # USD's modules fill themselves when they load, so their names are unknown before.
@@ -12,9 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel, UsdValidation
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel, UsdValidation, Vt
 
 WEIGHT_SUM_LIMIT = 1e-4
+EXTENT_LIMIT = 1e-4  # metres that a point may lie outside an extent
+MOST_FRAMES = 200  # that are looked at
 
 
 def check_usd(path: str | Path) -> list[str]:
@@ -29,6 +31,9 @@ def check_usd(path: str | Path) -> list[str]:
         findings.append("the file has no default prim, so nothing shows where it is referenced")
     for prim in stage.Traverse():
         findings += [f"{prim.GetPath()}: {finding}" for finding in prim_findings(prim)]
+    if not findings:  # nothing can be bent that is not sound
+        roots = [UsdSkel.Root(prim) for prim in stage.Traverse() if prim.IsA(UsdSkel.Root)]
+        findings += [finding for root in roots for finding in extent_findings(root)]
     return findings
 
 
@@ -99,6 +104,43 @@ def skeleton_findings(skeleton: UsdSkel.Skeleton) -> Iterator[str]:
             yield f"{attribute.GetName()} has {len(matrices)} matrices; {len(joints)} are needed"
         elif not np.isfinite(matrices).all() or (np.abs(np.linalg.det(matrices)) < 1e-12).any():
             yield f"{attribute.GetName()} holds NaN, infinity or a matrix without inverse"
+
+
+def extent_findings(root: UsdSkel.Root) -> Iterator[str]:
+    """The extents of the root and of what its skeletons bend hold every point at every frame."""
+    cache = UsdSkel.Cache()
+    cache.Populate(root, Usd.PrimDefaultPredicate)
+    for binding in cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate):
+        query = cache.GetSkelQuery(binding.GetSkeleton())
+        animation = query.GetAnimQuery() if query else None
+        frames = animation.GetJointTransformTimeSamples() if animation else []
+        times = [Usd.TimeCode(time) for time in frames[:: len(frames) // MOST_FRAMES + 1]]
+        for skinning in binding.GetSkinningTargets():
+            for time in times or [Usd.TimeCode.Default()]:
+                found = list(left_extents(root, query, skinning, time))
+                yield from found
+                if found:  # one frame is enough
+                    break
+
+
+def left_extents(
+    root: UsdSkel.Root, query: UsdSkel.SkeletonQuery, skinning: UsdSkel.SkinningQuery, time: Usd.TimeCode
+) -> Iterator[str]:
+    """The root and the mesh whose extent some bent point lies outside of at that time."""
+    mesh, transforms = UsdGeom.PointBased(skinning.GetPrim()), query.ComputeSkinningTransforms(time)
+    mapper = skinning.GetJointMapper()  # none where the mesh has the skeleton's own joints
+    bent = Vt.Vec3fArray(numbers(mesh.GetPointsAttr()).tolist())
+    if not skinning.ComputeSkinnedPoints(mapper.RemapTransforms(transforms) if mapper else transforms, bent):
+        return
+    places = UsdGeom.XformCache(time)
+    points = np.concatenate([np.asarray(bent), np.ones((len(bent), 1))], axis=1)
+    points = points @ np.asarray(places.GetLocalToWorldTransform(query.GetPrim()))  # row vectors
+    for prim in (UsdGeom.Boundable(root), UsdGeom.Boundable(mesh)):
+        box = prim.GetExtentAttr().Get(time)
+        own = (points @ np.linalg.inv(places.GetLocalToWorldTransform(prim.GetPrim())))[:, :3]
+        outside = 0.0 if box is None else max((box[0] - own).max(), (own - box[1]).max())
+        if outside > EXTENT_LIMIT:
+            yield f"{prim.GetPath()}: extent at time {time} leaves out points by {outside:.3f}"
 
 
 def path_findings(prim: Usd.Prim) -> Iterator[str]:

@@ -18,10 +18,17 @@ NORMAL_QUALITY = 95  # for directions, where the smallest blocks would shine
 
 @dataclass(frozen=True, kw_only=True)
 class Encoding:
-    """How pictures are stored, and whether a mesh's numbers are rounded to 8 and 16 bits."""
+    """How pictures are stored, whether a mesh's numbers are rounded to 8 and 16 bits, and whether a mesh is
+    written as slicers read it, in millimetres and z up."""
 
     pictures: PictureFormat = "png"
     quantize: bool = False
+    for_slicers: bool = False
+
+    @property
+    def axes(self) -> str:
+        """Unit and upward axis, for formats that have no place for them but a comment."""
+        return "millimetres, z up" if self.for_slicers else "metres, y up"
 
     @property
     def mime_type(self) -> str:

@@ -1,5 +1,7 @@
 """One table says how each suffix is written; only `export` touches the disk."""
 
+import hashlib
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +14,15 @@ from avatargen.errors import InputError
 from exporters import glb, gltf_files, obj, ply, stl, vrm
 from exporters.encoding import PLAIN, SUFFIXES, Encoding, PictureFormat
 from exporters.file import File
+from exporters.slicer import for_slicers
 
 Map = Literal["normal", "occlusion"]
 Encoder = Callable[[PlainAsset, tuple[str, ...], Encoding], tuple[File, ...]]
+
+# what other files cannot name a file by
+UNPRINTABLE = r"[\x00-\x1f\x7f\ud800-\udfff]"  # lone surrogates stand for bytes that are no UTF-8
+USD_SYNTAX = rf"{UNPRINTABLE}|[\[\]<>@]"  # packages, tiles, and the quotes of paths
+NO_PLAIN_WORD = r"^-|[^A-Za-z0-9._-]"  # readers of OBJ end a name at a space, and take -x for an option
 
 
 @dataclass(frozen=True)
@@ -23,21 +31,24 @@ class Format:
 
     `encode` gets the asset and the names of all files there may be, the one asked for first, and returns
     those that the asset needs, in that order; it touches neither the disk nor the asset. `beside` ends the
-    names of the files that stand beside the one asked for: person.usda brings person_base_color.png.
+    names of the files that stand beside the one asked for: person.usda brings person_base_color.png. `unkept`
+    matches what such a name must not hold, or some reader of the format does not find the file.
     `content` is the most that the format can hold, `maps` the pictures among it beside the base colour,
     `rest_pose` the one pose that it must have. `pictures` are the ways it can hold pictures in, `quantize`
     whether it can hold rounded numbers; only formats with `levels` hold coarser levels of detail, the others
-    write the finest.
+    write the finest. Formats with `units` say what theirs are, so that all their readers agree.
     """
 
     encode: Encoder
     beside: tuple[str, ...] = ()
+    unkept: str = UNPRINTABLE
     content: Content = "rigged"
     maps: tuple[Map, ...] = ("normal", "occlusion")
     rest_pose: str | None = None
     pictures: tuple[PictureFormat, ...] = ("png", "jpeg")
     quantize: bool = False
     levels: bool = False
+    units: bool = True
 
 
 def one_file(encode: Callable[[PlainAsset, Encoding], bytes]) -> Encoder:
@@ -66,14 +77,23 @@ FORMATS: dict[str, Format] = {
         levels=True,
     ),
     ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
-    ".usda": Format(encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png")),
-    ".usdc": Format(encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png")),
+    ".usda": Format(
+        encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png"), unkept=USD_SYNTAX
+    ),
+    ".usdc": Format(
+        encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png"), unkept=USD_SYNTAX
+    ),
     ".usdz": Format(encode_usd),
     ".obj": Format(
-        obj.encode, beside=(".mtl", "_base_color.png", "_normal.png"), content="textured", maps=("normal",)
+        obj.encode,
+        beside=(".mtl", "_base_color.png", "_normal.png"),
+        unkept=NO_PLAIN_WORD,
+        content="textured",
+        maps=("normal",),
+        units=False,
     ),
-    ".ply": Format(mesh_file(ply.encode), content="textured", maps=(), pictures=("png",)),
-    ".stl": Format(mesh_file(stl.encode), content="mesh", maps=(), pictures=("png",)),
+    ".ply": Format(mesh_file(ply.encode), content="textured", maps=(), pictures=("png",), units=False),
+    ".stl": Format(one_file(stl.encode), content="mesh", maps=(), pictures=("png",), units=False),
 }
 
 
@@ -100,6 +120,10 @@ def require_encoding(path: str | Path, encoding: Encoding) -> None:
         )
     if encoding.quantize and not wanted.quantize:
         raise InputError(f"export: {suffix} holds no rounded numbers; leave that out, or use .glb or .gltf")
+    if encoding.for_slicers and wanted.units:
+        raise InputError(
+            f"export: {suffix} is in metres, which slicers ask for; write them .stl, .obj or .ply"
+        )
 
 
 def files_of(path: str | Path, encoding: Encoding = PLAIN) -> list[Path]:
@@ -110,8 +134,19 @@ def files_of(path: str | Path, encoding: Encoding = PLAIN) -> list[Path]:
     """
     path = Path(path)
     require_encoding(path, encoding)
-    endings = (e.replace(".png", SUFFIXES[encoding.pictures]) for e in find_format(path).beside)
-    return [path, *(path.with_name(path.stem + ending) for ending in endings)]
+    wanted = find_format(path)
+    stem = name_for_others(path.stem, wanted.unkept)
+    endings = (e.replace(".png", SUFFIXES[encoding.pictures]) for e in wanted.beside)
+    return [path, *(path.with_name(stem + ending) for ending in endings)]
+
+
+def name_for_others(stem: str, unkept: str) -> str:
+    """The stem where all of it can be kept; else with _ for what cannot, and a hash, so that "my avatar" and
+    "my_avatar" side by side do not share files."""
+    kept = re.sub(unkept, "_", stem)
+    if kept == stem:
+        return stem
+    return f"{kept}_{hashlib.sha256(stem.encode(errors='surrogateescape')).hexdigest()[:8]}"
 
 
 def encode(asset: PlainAsset, path: str | Path, encoding: Encoding = PLAIN) -> list[tuple[Path, bytes]]:
@@ -123,6 +158,7 @@ def encode(asset: PlainAsset, path: str | Path, encoding: Encoding = PLAIN) -> l
         InputError: the suffix is unknown, or the format cannot carry the asset or the file's name.
     """
     paths = files_of(path, encoding)
+    asset = for_slicers(asset) if encoding.for_slicers else asset
     files = find_format(path).encode(asset, tuple(file.name for file in paths), encoding)
     return [(paths[0].with_name(file.name), file.data) for file in reversed(files)]
 

@@ -4,33 +4,21 @@ The uv origin is at the bottom left there. A corner names its place, uv and norm
 closed over the texture's seams.
 """
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float32, Int64
 
 from assets.asset.asset import AssetInfo, PlainAsset, TexturedAsset
-from avatargen.errors import InputError
 from exporters.encoding import Encoding
 from exporters.file import File
 from exporters.glb import picture_files
 from exporters.weld import weld
 
-UNNAMEABLE = re.compile(r"[\x00-\x1f#]|^\s|\s$")  # a line's end, a comment's begin
-
 
 def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
-    """The mesh, and for a textured asset its material and texture.
-
-    Raises:
-        InputError: the names of the files beside cannot stand inside an OBJ or MTL file.
-    """
+    """The mesh, and for a textured asset its material and texture."""
     name, material_name, *picture_names = names
-    if UNNAMEABLE.search(material_name):
-        raise InputError(
-            f"export: {name!r} holds a character that OBJ cannot keep in a name; use letters and digits"
-        )
     mesh = weld(asset)
     head = f"{describe(asset.info)}\n"
     places, normals = lines("v", mesh.vertices), lines("vn", mesh.normals)

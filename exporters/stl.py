@@ -1,14 +1,15 @@
-"""A mesh as binary STL: triangles alone. Metres, y up, as everywhere here; STL itself names no unit."""
+"""A mesh as binary STL: triangles alone. STL has no place for unit and upward axis; its header says them."""
 
 import numpy as np
 
 from assets.asset.asset import PlainAsset
+from exporters.encoding import PLAIN, Encoding
 
 HEADER_BYTES = 80
 TRIANGLE = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
 
 
-def encode(asset: PlainAsset) -> bytes:
+def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
     corners = asset.vertices[asset.faces].astype(np.float64)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(across, axis=1, keepdims=True)
@@ -17,6 +18,6 @@ def encode(asset: PlainAsset) -> bytes:
     triangles["corners"] = corners
     info = asset.info
     # a binary STL must not begin with "solid"
-    header = f"avatargen {info.version}, seed {info.seed}, metres, y up, {info.licence}"
+    header = f"avatargen {info.version}, seed {info.seed}, {encoding.axes}, {info.licence}"
     start = header.encode("ascii", "replace")[:HEADER_BYTES].ljust(HEADER_BYTES, b" ")
     return start + np.uint32(len(triangles)).astype("<u4").tobytes() + triangles.tobytes()

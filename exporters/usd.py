@@ -12,7 +12,6 @@ left there. USD's matrices act on row vectors, so ours are transposed. Letters: 
 # USD's modules fill themselves when they load, so their names are unknown before.
 # pyright: reportAttributeAccessIssue=false
 
-import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -28,26 +27,17 @@ from exporters.encoding import SUFFIXES, Encoding
 from exporters.file import File
 from exporters.glb import PICTURES, ROUGHNESS, exact_weights, picture_files, unit
 from exporters.package import pack
-from exporters.usd_motion import add_animations, add_morphs
+from exporters.usd_motion import add_animations, add_extents, add_morphs
 
 ROOT = "/avatar"
-UNNAMEABLE = re.compile(r"[\x00-\x1f\[\]<>]")  # in a path inside USD these mean packages and tiles
 
 
 def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
-    """NAME.usda or NAME.usdc and its pictures, or NAME.usdz, which holds all.
-
-    Raises:
-        InputError: a picture's name cannot stand inside a USD file.
-    """
+    """NAME.usda or NAME.usdc and its pictures, or NAME.usdz, which holds all."""
     name, suffix = names[0], Path(names[0]).suffix.lower()
     picture_names = names[1:]
     if suffix == ".usdz":
         picture_names = tuple(f"{picture}{SUFFIXES[encoding.pictures]}" for picture in PICTURES)
-    if any(UNNAMEABLE.search(picture) for picture in picture_names):
-        raise InputError(
-            f"export: {name!r} holds a character that USD cannot keep in a path; use letters and digits"
-        )
     stage, files = make_stage(asset), ()
     if isinstance(asset, TexturedAsset):
         named = picture_files(asset, picture_names, encoding)
@@ -93,10 +83,11 @@ def make_stage(asset: PlainAsset) -> Usd.Stage:
     describe_source(stage.GetRootLayer(), asset.info)
     mesh = add_mesh(stage, asset)
     if isinstance(asset, Asset):
-        UsdSkel.Root(root).CreateExtentAttr(extent(asset))
+        root.CreateExtentAttr(extent(asset))
         skeleton = add_skeleton(stage, asset.skeleton)
         bind_mesh(mesh, asset, skeleton)
         add_animations(stage, asset, skeleton)
+        add_extents(asset, root, mesh)
         add_morphs(stage, asset, mesh)
     return stage
 

@@ -1,7 +1,7 @@
 """An asset's animations and morphs in USD: a SkelAnimation each, a BlendShape each.
 
-A skeleton plays one animation, the first; the others stand beside it, for a scene to bind. Letters: T frames,
-J joints, W vertices.
+A skeleton plays one animation, the first; the others stand beside it, for a scene to bind. What a stage says
+of time and extent is that of the first. Letters: T frames, J joints, W vertices.
 """
 
 # USD's modules fill themselves when they load, so their names are unknown before.
@@ -10,6 +10,7 @@ J joints, W vertices.
 import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel, Vt
 
+from assets.asset.animate import boxes
 from assets.asset.asset import Asset
 from assets.asset.rig import Animation, Skeleton
 
@@ -21,10 +22,11 @@ def add_animations(stage: Usd.Stage, asset: Asset, prim: UsdSkel.Skeleton) -> No
     """Every animation beside the skeleton, the first bound to it."""
     if not asset.animations:
         return
+    played = asset.animations[0]
     stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
     stage.SetFramesPerSecond(FRAMES_PER_SECOND)
     stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(max(float(motion.times[-1]) for motion in asset.animations) * FRAMES_PER_SECOND)
+    stage.SetEndTimeCode(float(played.times[-1]) * FRAMES_PER_SECOND)
     folder = prim.GetPath().GetParentPath()
     names = unique_names([motion.name for motion in asset.animations], taken={"skeleton", "mesh", "looks"})
     paths = [folder.AppendChild(name) for name in names]
@@ -47,6 +49,23 @@ def add_animation(
         translations[0] = root
         moving.Set(Vt.Vec3fArray.FromNumpy(translations), code)
         turning.Set(Vt.QuatfArray([Gf.Quatf(w, x, y, z) for x, y, z, w in rotations.tolist()]), code)
+
+
+def add_extents(asset: Asset, root: UsdGeom.Boundable, mesh: UsdGeom.Mesh) -> None:
+    """The box around what the first animation shows at each of its frames, on the root and on the mesh, by
+    which viewers leave out what is not in the picture; without a time, the box around all of them and the
+    rest pose."""
+    if not asset.animations:
+        return
+    played = asset.animations[0]
+    found = boxes(asset, played).astype(np.float32)
+    ever = np.concatenate([found.reshape(-1, 3), asset.vertices])
+    for prim in (root, mesh):
+        extent = prim.GetExtentAttr()
+        extent.Set(Vt.Vec3fArray.FromNumpy(np.stack([ever.min(axis=0), ever.max(axis=0)])))
+        for time, box in zip(played.times, found, strict=True):
+            code = Usd.TimeCode(float(time) * FRAMES_PER_SECOND)
+            extent.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(box)), code)
 
 
 def add_morphs(stage: Usd.Stage, asset: Asset, mesh: UsdGeom.Mesh) -> None:

@@ -51,3 +51,11 @@ def in_motion(asset: Asset, frames: int = 4) -> Asset:
     up = (asset.vertices * [0, 0.1, 0]).astype(np.float32)
     morph = Morph(name="taller", vertices=up, joints=asset.skeleton.joints * [0, 0.1, 0])
     return replace(asset, animations=tuple(clips), morphs=(morph,))
+
+
+def without_weight_on(asset: Asset, *idle: int) -> Asset:
+    """The asset with the weights of these joints on others."""
+    weights = np.where(np.isin(asset.joints, idle), 0, asset.weights)
+    weights[:, 0] += 1e-3
+    weights = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return replace(asset, joints=np.where(np.isin(asset.joints, idle), 0, asset.joints), weights=weights)

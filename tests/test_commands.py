@@ -203,6 +203,73 @@ print("not reached")
     assert done.stderr == "the end\n"
 
 
+WRITES = """
+import subprocess, sys
+from pathlib import Path
+from avatargen.commands import main
+from avatargen.commands.line import run_command
+def work():
+    with open("kept", "w") as kept:
+        kept.write("whole")
+        kept.flush()
+        child = "import os, sys; print('child'); print('child', file=sys.stderr); os.write(1, b'x')"
+        subprocess.run([sys.executable, "-c", child], check=True)
+        print("the path")
+        print("closing", file=sys.stderr)
+main.main(["--version"])
+sys.exit(run_command("p", work))
+"""
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_streams_that_are_closed_are_missed_by_nobody(closed: str) -> None:
+    """As services are started: the work is done, the status is right, and nothing that is printed, by us or
+    by a child, lands in a file that took a stream's number."""
+    shell = ["sh", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, WRITES]
+    done = subprocess.run(
+        shell, env=os.environ | {"PYTHONPATH": str(PROJECT)}, capture_output=True, text=True
+    )
+    assert (done.returncode, Path("kept").read_text()) == (0, "whole")
+    assert ("the path" in done.stdout) == (">&-" not in closed.replace("2>&-", ""))
+    assert ("closing" in done.stderr) == ("2>&-" not in closed)
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_has_no_room_is_told_in_a_line(unbuffered: str) -> None:
+    code = "from avatargen.commands.line import *; leave(run_command('p', lambda: print('the path')))"
+    env = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=PROJECT, env=env, stdout=full, stderr=-1, text=True
+        )
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "p: cannot print to standard output: No space left on device; give it room, or send it elsewhere"
+    ]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii", "latin-1"])
+def test_names_of_files_are_printed_as_they_are(encoding: str) -> None:
+    """Bytes that are no UTF-8, and letters that the stream's encoding does not have."""
+    code = """
+import os, sys
+from avatargen.commands.line import leave, run_command
+from avatargen.errors import InputError
+def work():
+    print(sys.argv[1], sys.argv[1] + chr(0xd800))
+    raise InputError(sys.argv[1])
+leave(run_command("p", work))"""
+    for name in (b"caf\xe9.glb", "ł.glb".encode()):
+        command = [sys.executable.encode(), b"-c", code.encode(), name]
+        done = subprocess.run(
+            command, cwd=PROJECT, env=os.environ | {"PYTHONIOENCODING": encoding}, capture_output=True
+        )
+        assert done.returncode == 2
+        assert done.stdout == name + b" " + name + rb"\ud800" + b"\n"
+        assert done.stderr == b"p: " + name + b"\n"
+
+
 TERMINATED_WITHIN = """
 import os, signal, sys, time
 from avatargen.commands.line import run_command

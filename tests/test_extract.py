@@ -4,6 +4,7 @@ import igl
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 from shapes import BOX, PERSON_BOX, capsule, person, plate, sphere, torus, union
 
 from assets.errors import GeometryError
@@ -222,3 +223,83 @@ def test_settings_out_of_range(values):
 def test_corner_order_goes_round_each_layer():
     assert (np.abs(np.diff(CORNERS[:4], axis=0)).sum(axis=1) == 1).all()
     assert np.array_equal(CORNERS[4:] - CORNERS[:4], [[0, 0, 1]] * 4)
+
+
+# Topology where surfaces nearly touch. A part, of the solid or of the air, is thick from two cells on.
+
+
+def ring(x: float, axis: int):
+    """A torus of radii .4 and .1 about an axis, its middle at x."""
+    across = [other for other in range(3) if other != axis]
+    middle = torch.tensor([x, 0.0, 0.0])
+
+    def field(points):
+        from_middle = points - middle
+        out = from_middle[:, across].norm(dim=1) - 0.4
+        return torch.stack([out, from_middle[:, axis]], dim=1).norm(dim=1) - 0.1
+
+    return field
+
+
+def rings(apart: float):
+    """Two rings whose tubes cross at the origin, their middles this far apart: linked in one piece below .2,
+    two pieces above."""
+    shift = 0.4 - apart / 2
+    return union(ring(-shift, 1), ring(shift, 2))
+
+
+def turned(field, seed: int):
+    turn = torch.from_numpy(Rotation.random(rng=np.random.default_rng(seed)).as_matrix()).float()
+    return lambda points: field(points @ turn)
+
+
+def wedge(angle: float):
+    """What lies between two planes that meet at the z axis."""
+    return lambda points: points[:, 1].abs() * np.cos(angle / 2) - points[:, 0] * np.sin(angle / 2)
+
+
+def pieces(surface) -> list[tuple[int, np.ndarray]]:
+    """Euler number and vertices of each closed piece, the largest first."""
+    assert find_defects(surface).bad_edges == find_defects(surface).bad_vertices == 0
+    count, label = label_components(surface)
+    vertices, faces = np.bincount(label), np.bincount(label[surface.faces[:, 0]])
+    order = np.argsort(-vertices, kind="stable")
+    return [(int(vertices[i] - faces[i] // 2), surface.vertices[label == i]) for i in order[:count]]
+
+
+@pytest.mark.parametrize(("apart", "resolution"), [(0.18, 128), (0.18, 512), (0.19, 128), (0.2, 128)])
+def test_tubes_that_cross_share_one_seam(apart, resolution):
+    """No handles across the thin air beside the seam, and nothing stray where they only touch."""
+    found = pieces(extract(rings(apart), BOX, ExtractConfig(resolution=resolution)))
+    assert [euler for euler, _ in found] in ([[-2]] if apart < 0.2 else [[-2], [0, 0]])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_thick_parts_keep_the_fields_topology(seed):
+    """Tubes that overlap or stay apart, a sheet of solid and one of air, however they lie in the grid."""
+    thick = 2 * 2 / 64  # metres
+    config = ExtractConfig(resolution=64)
+    for field, expected in (
+        (rings(0.2 - thick), [-2]),
+        (rings(0.2 + thick), [0, 0]),
+        (plate(thick), [2]),
+        (lambda p: torch.maximum(sphere(0.8)(p), -plate(thick)(p)), [2, 2]),
+    ):
+        found = pieces(extract(turned(field, seed), BOX, config))
+        assert [euler for euler, _ in found] == expected
+
+
+@pytest.mark.parametrize("angle", [0.6, 0.3])
+@pytest.mark.parametrize("air", [False, True])
+def test_thin_wedges_crumble_where_they_are_thin_alone(angle, air):
+    """The solid wedge cut out of a ball, or the ball without it: one piece without handles, and crumbs where
+    the wedge is thinner than two cells."""
+    cell, sign = 2 / 64, -1 if air else 1
+    shape = lambda p: torch.maximum(sphere(0.7)(p), sign * wedge(angle)(p))  # noqa: E731
+    for seed in range(3):
+        turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+        (euler, _), *crumbs = pieces(extract(turned(shape, seed), BOX, ExtractConfig(resolution=64)))
+        assert euler == 2
+        for _, vertices in crumbs:
+            x = (vertices @ turn)[:, 0]
+            assert 2 * x.min() * np.sin(angle / 2) < 2 * cell

@@ -1,19 +1,23 @@
 """OBJ, PLY and STL read back by trimesh and by Blender: the same closed surface, its uv, its colours."""
 
 import io
+import os
+import re
 import subprocess
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pymeshlab
 import pytest
 import trimesh
 from PIL import Image
 
 from assets.asset.asset import Asset, PlainAsset
 from avatargen.errors import InputError
-from exporters import encode, export, ply, stl
+from exporters import export, files_of, ply, stl
+from exporters.encoding import Encoding
 from exporters.weld import weld
 from tests.tube import tube, welded
 from tests.verdicts import JUDGES, blender_python
@@ -75,8 +79,9 @@ def test_the_surface_is_closed_and_the_same(tmp_path: Path, suffix: str) -> None
 def test_obj_closes_its_seams_by_itself(tmp_path: Path) -> None:
     """Read by hand: the places alone make a closed surface, and every corner keeps its own uv."""
     asset = seamed(size=48)
-    export(asset, tmp_path / "my tübe.obj")
-    rows = [line.split() for line in (tmp_path / "my tübe.obj").read_text().splitlines()]
+    path = tmp_path / "my tübe.obj"
+    export(asset, path)
+    rows = [line.split() for line in path.read_text().splitlines()]
     places, uv, normals = (
         np.array([row[1:] for row in rows if row[0] == keyword], dtype=np.float32)
         for keyword in ("v", "vt", "vn")
@@ -88,9 +93,10 @@ def test_obj_closes_its_seams_by_itself(tmp_path: Path) -> None:
     np.testing.assert_array_equal(places[corners[..., 0]], asset.vertices[asset.faces])
     np.testing.assert_allclose(uv[corners[..., 1]], asset.uv[asset.faces] * [1, -1] + [0, 1], atol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(normals[corners[..., 2]], axis=-1), 1, atol=1e-5)
-    assert ["mtllib", "my", "tübe.mtl"] in rows
-    assert "map_Kd my tübe_base_color.png" in (tmp_path / "my tübe.mtl").read_text().splitlines()
-    with Image.open(tmp_path / "my tübe_base_color.png") as picture:
+    _, library, texture, _ = files_of(path)
+    assert ["mtllib", library.name] in rows
+    assert f"map_Kd {texture.name}" in library.read_text().splitlines()
+    with Image.open(texture) as picture:
         np.testing.assert_array_equal(np.asarray(picture), asset.texture)
 
 
@@ -164,13 +170,61 @@ def test_plain_meshes_have_the_shape_alone(tmp_path: Path, suffix: str) -> None:
     assert mesh.is_volume
 
 
-@pytest.mark.parametrize("name", ["a#b.obj", "line\nbreak.obj"])
-def test_names_that_obj_cannot_keep_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match="holds a character that OBJ cannot keep in a name"):
-        encode(tube(), name)
+# which some reader of OBJ takes apart, or Python keeps as bytes that are no UTF-8
+HOSTILE_STEMS = ["my avatar", 'a"b', "a\\b", "-map", "a#b", "line\nbreak", "täst", os.fsdecode(b"caf\xe9")]
+
+
+@pytest.mark.parametrize("stem", HOSTILE_STEMS)
+def test_every_reader_finds_objs_texture(tmp_path: Path, stem: str) -> None:
+    """By the letter of the formats, by trimesh and by MeshLab, which ends a name at its first space."""
+    asset = seamed()
+    export(asset, tmp_path / f"{stem}.obj")
+    text = (tmp_path / f"{stem}.obj").read_text()
+    (library,) = re.findall(r"^mtllib (\S+)$", text, re.MULTILINE)
+    pictures = re.findall(
+        r"^(?:map_Kd|norm) ([A-Za-z0-9._]\S*)$", (tmp_path / library).read_text(), re.MULTILINE
+    )
+    assert {f"{stem}.obj", library, *pictures} == {file.name for file in tmp_path.iterdir()}
+    (tmp_path / f"{stem}.obj").rename(tmp_path / "person.obj")  # the readers' own names for files
+    found: Any = trimesh.load_mesh(tmp_path / "person.obj")
+    np.testing.assert_array_equal(np.asarray(found.visual.material.image.convert("RGB")), asset.texture)
+    meshes: Any = pymeshlab.MeshSet()  # pyright: ignore
+    meshes.load_new_mesh(str(tmp_path / "person.obj"))
+    (picture,) = meshes.current_mesh().textures().values()
+    assert (picture.width(), picture.height()) == asset.texture.shape[1::-1]
+
+
+def test_names_that_are_alike_share_no_files(tmp_path: Path) -> None:
+    files = [files_of(tmp_path / name) for name in ("my avatar.obj", "my_avatar.obj", "my#avatar.obj")]
+    assert len({file for each in files for file in each}) == 3 * len(files[0])
+    assert files[1][1].name == "my_avatar.mtl"  # what needs no other name keeps its own
 
 
 def test_ply_header_names_where_it_comes_from() -> None:
     header = ply.encode(tube()).split(b"end_header\n")[0]
     assert b"comment avatargen 0.1.0, seed 3, weights 000" in header
     assert io.BytesIO(header).readline() == b"ply\n"
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_slicers_get_millimetres_standing_on_the_plate(tmp_path: Path, suffix: str) -> None:
+    """Read back by trimesh: the same closed surface in millimetres, up along z, its front at -y."""
+    asset = seamed()
+    export(asset, tmp_path / f"tube{suffix}", Encoding(for_slicers=True))
+    mesh: Any = trimesh.load_mesh(tmp_path / f"tube{suffix}", process=False, maintain_order=True)
+    np.testing.assert_allclose(
+        mesh.vertices[mesh.faces], 1000 * asset.vertices[asset.faces] @ Z_UP.T, atol=1e-4
+    )
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    assert mesh.is_volume
+    assert mesh.extents[2] == pytest.approx(1000.0, abs=1e-2) and mesh.bounds[0, 2] == pytest.approx(0)
+    if suffix == ".stl":
+        assert (tmp_path / "tube.stl").read_bytes()[:80].find(b"millimetres, z up") > 0
+        assert stl.encode(asset)[:80].find(b"metres, y up") > 0
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".vrm", ".usda", ".usdc", ".usdz"])
+def test_files_that_name_their_unit_stay_as_they_are(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(InputError, match=r"in metres, which slicers ask for; write them \.stl"):
+        export(seamed(), tmp_path / f"tube{suffix}", Encoding(for_slicers=True))
+    assert list(tmp_path.iterdir()) == []

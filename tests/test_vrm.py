@@ -13,13 +13,16 @@ import pytest
 
 import avatargen
 from assets import BuildConfig, build
+from assets.asset.animate import animate, figure_of
 from assets.asset.asset import Asset, TexturedAsset
+from assets.asset.joints import drop_idle_joints
 from assets.asset.names import VRM_HUMAN_BONES, rename_joints
 from avatargen.body.joints import SMPLH_JOINT_NAMES
 from avatargen.body.model import forward_kinematics
 from avatargen.errors import InputError
+from avatargen.motion.clips import CLIPS, make_clip
 from exporters import FORMATS, export, vrm
-from tests.figure import figure, in_motion
+from tests.figure import figure, in_motion, without_weight_on
 from tests.tube import tube
 from tests.verdicts import AGREE, JUDGES, ask_engine, khronos_issues, our_vertices, random_poses, require
 
@@ -166,6 +169,20 @@ def test_what_vrm_cannot_hold_is_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
     assert vrm.encode(turned(asset, 3)) == vrm.encode(asset)
     assert FORMATS[".vrm"].rest_pose == "t"
+
+
+def test_a_skeleton_of_moving_joints_is_still_a_persons() -> None:
+    """Whatever moves no vertex, VRM finds its bones and the built-in clips their joints."""
+    asset = figure()
+    idle = without_weight_on(asset, *range(1, len(asset.skeleton.parents)))
+    lean = drop_idle_joints(idle)
+    _, found = extension(vrm.encode(lean))
+    assert set(vrm.REQUIRED_BONES) <= set(found["humanoid"]["humanBones"])
+    assert set(lean.skeleton.joint_names) < set(idle.skeleton.joint_names)
+    person = figure_of(lean)
+    clips = [make_clip(clip, person) for clip in CLIPS]
+    for clip, animation in zip(clips, animate(lean, clips).animations, strict=True):
+        assert animation.name == clip.name
 
 
 def test_clips_stay_behind_and_morphs_come_along() -> None:

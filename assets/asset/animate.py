@@ -13,7 +13,7 @@ and a bone's translation in its parent's frame stays as it is at rest. Letters: 
 vertices.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -110,14 +110,32 @@ def figure_of(asset: Asset) -> Figure:
 def lowest(asset: Asset, animation: Animation) -> float:
     """The least height of any skinned vertex in any frame, metres."""
     T_posed_rest = animation.T_posed_rest(asset.skeleton)
-    rows = T_posed_rest[:, :, 1].reshape(len(T_posed_rest), -1).T  # what gives the y of a point: 4J T
-    blend = height_matrix(asset)
-    parts = range(0, rows.shape[1], FRAMES_AT_ONCE)
-    return min(float((blend @ rows[:, start : start + FRAMES_AT_ONCE]).min()) for start in parts)
+    return min(float(heights.min()) for heights in along_axis(asset, T_posed_rest, 1))
 
 
-def height_matrix(asset: Asset) -> csr_array:
-    """[W, 4J]: times the second rows of the joints' transforms it gives the heights of the vertices."""
+def boxes(asset: Asset, animation: Animation) -> Float64[np.ndarray, "T 2 3"]:
+    """The low and the high corner of the box around the skinned vertices in each frame, metres."""
+    T_posed_rest = animation.T_posed_rest(asset.skeleton)
+    found = np.empty((len(T_posed_rest), 2, 3))
+    for axis in range(3):
+        parts = [(p.min(axis=0), p.max(axis=0)) for p in along_axis(asset, T_posed_rest, axis)]
+        found[:, :, axis] = np.concatenate([np.stack(part, axis=1) for part in parts])
+    return found
+
+
+def along_axis(
+    asset: Asset, T_posed_rest: Float64[np.ndarray, "T J 4 4"], axis: int
+) -> Iterator[Float64[np.ndarray, "W t"]]:
+    """The x, y or z of every skinned vertex, some frames at a time."""
+    rows = T_posed_rest[:, :, axis].reshape(len(T_posed_rest), -1).T  # what gives it of a point: 4J T
+    blend = place_matrix(asset)
+    for start in range(0, rows.shape[1], FRAMES_AT_ONCE):
+        yield blend @ rows[:, start : start + FRAMES_AT_ONCE]
+
+
+def place_matrix(asset: Asset) -> csr_array:
+    """[W, 4J]: times the first, second or third rows of the joints' transforms it gives the x, y or z of the
+    skinned vertices."""
     W, J = len(asset.vertices), len(asset.skeleton.parents)
     points = np.concatenate([asset.vertices.astype(np.float64), np.ones((W, 1))], axis=1)
     values = asset.weights[:, :, None].astype(np.float64) * points[:, None]  # W slots 4

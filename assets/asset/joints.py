@@ -1,5 +1,6 @@
-"""Which joints a skeleton has: all of the body's, SMPL's 24 without fingers, or those that move a vertex and
-those that carry one that does."""
+"""Which joints a skeleton has: all of the body's, SMPL's 24 without fingers, or those that move a vertex,
+carry one that does, or belong to every person's skeleton.
+"""
 
 import dataclasses
 
@@ -7,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Int64
 
 from assets.asset.asset import Asset
+from assets.asset.names import PERSON_JOINTS
 from assets.asset.rig import Skeleton
 from assets.content import Joints
 from avatargen.body.fingers import without_fingers
@@ -29,10 +31,14 @@ def moving_joints(parents: Int64[np.ndarray, " J"], used: Bool[np.ndarray, " J"]
 
 
 def drop_idle_joints(asset: Asset) -> Asset:
-    """The same asset on a skeleton without the joints that move nothing; every vertex moves as before."""
+    """The same asset on a skeleton without the joints that move nothing; every vertex moves as before.
+
+    Joints that clips and rigs of people stand on stay: on a coarse mesh a wrist may be nearest to no vertex.
+    """
     skeleton = asset.skeleton
     used = np.zeros(len(skeleton.parents), dtype=bool)
     used[asset.joints[asset.weights > 0]] = True
+    used |= np.isin(skeleton.joint_names, PERSON_JOINTS)
     moving = moving_joints(skeleton.parents, used)
     place = np.cumsum(moving) - 1
     parents = skeleton.parents[moving]

@@ -45,6 +45,16 @@ SIDED = {
     },
 }
 
+ARM_AND_LEG = ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist")
+# what programs for people need of a skeleton (the human bones that VRM and Unity require), and the toes, on
+# which the built-in clips roll
+PERSON_JOINTS = (
+    "pelvis",
+    "spine1",
+    "head",
+    *(f"{s}_{part}" for s in ("left", "right") for part in ARM_AND_LEG),
+)
+
 
 def preset_tables() -> dict[str, dict[str, str]]:
     """New name by SMPL's, for every preset."""

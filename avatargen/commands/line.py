@@ -6,6 +6,8 @@ interrupted or terminated, nothing written.
 
 import argparse
 import atexit
+import codecs
+import io
 import os
 import signal
 import sys
@@ -44,6 +46,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
 
     Bugs keep their traceback. Warnings of libraries stay silent unless Python was asked for them with -W.
     """
+    open_streams()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     # Read when torch loads: threads that wait for work sleep; spinning, a busy machine made them four
@@ -64,21 +67,64 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     try:
         command()
         sys.stdout.flush()
-    except AvatarGenError as error:
-        return complain(program, str(error), status=2)
-    except MemoryError:
-        return complain(
-            program, "out of memory; lower --resolution or --texture, or close programs", status=2
-        )
+    except (AvatarGenError, MemoryError) as error:
+        lack = "out of memory; lower --resolution or --texture, or close programs"
+        return complain(program, lack if isinstance(error, MemoryError) else str(error), status=2)
     except KeyboardInterrupt:
         return complain(program, "interrupted; nothing was written", status=128 + signal.SIGINT)
     except BrokenPipeError:  # the reader of standard output has left; the work is done all the same
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except Exception:  # a library that is loading makes an error of its own out of the exit
-        if not received:
+        discard_output()
+    except Exception as error:
+        if received:  # a library that is loading makes an error of its own out of the exit
+            return 128 + received[-1]
+        reason = output_error() if isinstance(error, OSError) else None
+        if reason is None:
             raise
-        return 128 + received[-1]
+        discard_output()
+        message = f"cannot print to standard output: {reason}; give it room, or send it elsewhere"
+        return complain(program, message, status=2)
     return 0
+
+
+def open_streams() -> None:
+    """Open the standard streams that the process was started without, as services are, on nothing: else the
+    next file opened would take their place. Names of files are printed as the bytes that they are."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
+    codecs.register_error("filename", bytes_of_names)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="filename")
+
+
+def bytes_of_names(error: UnicodeError) -> tuple[bytes | str, int]:
+    """What a stream cannot encode, as it stands in the name of a file; what can be in none, escaped."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    try:
+        return os.fsencode(error.object[error.start : error.end]), error.end
+    except UnicodeEncodeError:
+        return codecs.backslashreplace_errors(error)
+
+
+def output_error() -> str | None:
+    """Why standard output takes no more, or None where it does."""
+    try:
+        sys.stdout.flush()
+        os.write(sys.stdout.fileno(), b"\n")
+    except OSError as error:
+        return error.strerror or str(error)
+    return None
+
+
+def discard_output() -> None:
+    """Send what is still to be printed nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def swallows(frame: FrameType | None) -> bool:

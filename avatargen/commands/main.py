@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from avatargen import __version__
-from avatargen.commands.line import complain, leave
+from avatargen.commands.line import complain, leave, open_streams
 from avatargen.errors import InputError
 from avatargen.shadow import prefer_ours
 
@@ -117,6 +117,7 @@ COMMANDS = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
+    open_streams()
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] in (["-h"], ["--help"]):
         print(help_text())

@@ -6,6 +6,7 @@ not about the pelvis' place in the T-pose shifts the whole motion by a constant,
 Letters: T frames, J joints.
 """
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -54,7 +55,7 @@ def load_motion(path: str | Path) -> Motion:
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
     times = np.arange(len(good)) / rate
     kept = Motion(
-        name=path.stem,
+        name=motion_name(path),
         joint_names=JOINT_NAMES[J],
         times=times[good] - times[good][0],
         rotations=continuous(rotations),
@@ -62,6 +63,11 @@ def load_motion(path: str | Path) -> Motion:
     )
     whole = sampled(kept, np.clip(times - times[good][0], 0, kept.seconds), times)
     return replace(whole, bad_frames=tuple(bad.tolist()))
+
+
+def motion_name(path: Path) -> str:
+    """The motion of a file by its name; bytes of it that are no UTF-8 become U+FFFD."""
+    return os.fsencode(path.stem).decode(errors="replace")
 
 
 def read_frames(

@@ -11,7 +11,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from avatargen import __version__
-from avatargen.avatar import AvatarInfo
+from avatargen.avatar_info import AvatarInfo
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 from avatargen.wardrobe import MARKS

@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32, Float64
 from torch import Tensor
 
 from avatargen import __version__
-from avatargen.avatar import AvatarInfo
+from avatargen.avatar_info import AvatarInfo
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
