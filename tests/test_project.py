@@ -183,13 +183,13 @@ def test_rooms_import_from_floors_below(package: str) -> None:
 
 def test_an_import_back_up_and_a_new_room_are_named() -> None:
     floors = FLOORS["assets"]
-    assert "assets/pipeline.py imports assets.draft, which is no floor below it" in wrong_ways(
+    assert "assets/pipeline.py imports assets.plan, which is no floor below it" in wrong_ways(
         "assets", (*floors[:-2], " ".join(floors[-2:]))
     )
     turned = wrong_ways("assets", floors[::-1])
     assert "assets/texture/bake.py imports assets.mesh, which is no floor below it" in turned
-    new = wrong_ways("assets", (*floors[:1], floors[1].replace("plan", ""), *floors[2:]))
-    assert new[0].startswith("assets.plan is a new room: add it to FLOORS['assets'] in test_project.py")
+    new = wrong_ways("assets", (*floors[:1], floors[1].replace("content", ""), *floors[2:]))
+    assert new[0].startswith("assets.content is a new room: add it to FLOORS['assets'] in test_project.py")
 
 
 def test_nothing_is_too_long_to_read() -> None:
