@@ -271,7 +271,8 @@ def test_every_real_garment_lies_on_the_body(wardrobe, body):
     for garment in wardrobe.garments.values():
         distance = body.distance.query(garment.vertices).distance
         if garment.kind != "hair":
-            assert distance.min() > -0.035 and distance.max() < 0.16, garment.name
+            reach = 0.25 if garment.kind == "bottom" else 0.16  # skirts hang free between the legs
+            assert distance.min() > -0.035 and distance.max() < reach, garment.name
         edges = garment.vertices[garment.faces]
         longest = np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).max()
         assert longest < 0.2, garment.name  # a torn garment has faces across the room
@@ -283,7 +284,8 @@ def test_a_real_person_is_a_whole_field(wardrobe):
     person = wardrobe.sample(3)
     assert person.attributes == wardrobe.attributes(3)
     points = torch.from_numpy(person.body.vertices[person.hidden > 0])
-    assert float((person.sdf(points) < 0).float().mean()) > 0.999
+    on_surface = person.sdf(points).abs() < 1e-4  # m; elsewhere it is under cloth, or cut away with air there
+    assert float(on_surface.float().mean()) < 0.01
     normals = unit_normals(person.body.vertices, person.body.faces)
     shell = person.body.vertices + 0.0005 * normals
     colour = person.color(torch.from_numpy(shell.astype(np.float32)))

@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-import skimage.measure
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -58,6 +57,8 @@ class Places:
 
 def dilated_surface(body: BodyDistance, bounds: Float[np.ndarray, "2 3"], spacing: float) -> BodyDistance:
     """Distance to the surface CLOSING outside the body, as a mesh of about `spacing` metres."""
+    import skimage.measure
+
     axes = [np.arange(bounds[0, i] - 0.08, bounds[1, i] + 0.08 + spacing, spacing) for i in range(3)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     distance = body.query(grid.reshape(-1, 3).astype(np.float32)).distance.reshape(grid.shape[:3])

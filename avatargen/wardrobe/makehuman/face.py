@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float32, Float64, UInt8
+from jaxtyping import Float, Float32, Float64, UInt8
 from scipy.ndimage import gaussian_filter
 
 from avatargen.body.distance import BodyHit
@@ -87,10 +87,11 @@ class SkinPaint:
         colour[face] = self.paint_lashes(colour[face], foot[face])
         return colour.clip(0, 1)
 
-    def underwear(self, foot: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+    def underwear(self, foot: Float[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
         """1 on the parts of the skin that nobody sees."""
+        foot = foot.astype(np.float64)
         names, joints = self.body.joint_names, self.body.joints
-        hip, shoulder = (joints[names.index(name), 1] for name in ("left_hip", "left_shoulder"))
+        hip, shoulder = (float(joints[names.index(name), 1]) for name in ("left_hip", "left_shoulder"))
         torso = 1 - smooth(np.abs(foot[:, 0]), 0.20, 0.205)
         briefs = band(foot[:, 1], hip - 0.12, hip + 0.05)
         top = band(foot[:, 1], shoulder - 0.22, shoulder - 0.09) * float(self.chest_covered)
