@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, UInt8
+from jaxtyping import Float32, Float64, UInt8
 from scipy.ndimage import gaussian_filter
 
 from avatargen.body.distance import BodyHit
@@ -75,7 +75,9 @@ class SkinPaint:
         """sRGB at points whose closest point on the body is given."""
         uv = np.einsum("nk,nka->na", hit.barycentric, self.corners[hit.face])
         colour = texels(self.skin, uv)[:, :3]
-        foot = np.einsum("nk,nka->na", hit.barycentric, self.body.vertices[self.body.faces[hit.face]])
+        foot = np.einsum("nk,nka->na", hit.barycentric, self.body.vertices[self.body.faces[hit.face]]).astype(
+            np.float64
+        )
         colour += (UNDERWEAR - colour) * self.underwear(foot)[:, None]
         eye = (self.on_eye[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
         face = np.flatnonzero((foot[:, 1] > self.hm08.eyes[0, 1] - 0.06) & (foot[:, 2] > 0.05))
@@ -87,9 +89,8 @@ class SkinPaint:
         colour[face] = self.paint_lashes(colour[face], foot[face])
         return colour.clip(0, 1)
 
-    def underwear(self, foot: Float[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+    def underwear(self, foot: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
         """1 on the parts of the skin that nobody sees."""
-        foot = foot.astype(np.float64)
         names, joints = self.body.joint_names, self.body.joints
         hip, shoulder = (float(joints[names.index(name), 1]) for name in ("left_hip", "left_shoulder"))
         torso = 1 - smooth(np.abs(foot[:, 0]), 0.20, 0.205)
