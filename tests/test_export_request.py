@@ -29,6 +29,8 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         (*ONE, "--from", "wardrobe"),
         (*ONE, "--from", "wardrobe", "--wardrobe", "folder"),
     ),
+    "--mesher": (ONE, (*ONE, "--mesher", "marching-cubes")),
+    "--simplifier": (ONE, (*ONE, "--simplifier", "pymeshlab")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
