@@ -135,7 +135,11 @@ def test_every_field_of_a_request_is_reached_by_an_option() -> None:
     reached |= changed_fields(parse(ONE), parse([*ONE, "--pose", "t"]))
     names = [each.name for each, _ in settings(parse(ONE))]
     assert len(names) == len(set(names)), "two fields of one name hide each other"
-    assert set(names) - reached == {"head_detail", "on_ground"}  # of BuildConfig, without an option
+    assert set(names) - reached == {
+        "for_slicers",
+        "head_detail",
+        "on_ground",
+    }  # of BuildConfig, without an option
 
 
 @pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion"])
