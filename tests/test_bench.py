@@ -145,9 +145,13 @@ def test_the_command_writes_tables_a_plot_and_curves(tmp_path, monkeypatch, caps
     out = tmp_path / "new"
     assert capsys.readouterr().out.splitlines()[-1] == str(out / "bench.md")
     facts = json.loads((out / "bench.json").read_text())
-    assert [len(facts[name]) for name in ("surfaces", "textures", "mapping", "rays", "comparison")] == [
-        *(4, 2, 2, 2, 4)
-    ]
+    assert [
+        len(facts[name]) for name in ("surfaces", "textures", "mapping", "rays", "comparison", "recipes")
+    ] == [*(4, 2, 2, 2, 4, 6)]
+    recipes = facts["recipes"]
+    assert len({(row["mesher"], row["simplifier"]) for row in recipes}) == 6
+    assert all(row["defects"] == "" and row["seconds"] > 0 and row["peak_mb"] >= 0 for row in recipes)
+    assert recipes[0]["mean_mm"] < 1.05 * min(row["mean_mm"] for row in recipes)
     coarse, fine = facts["surfaces"][0], facts["surfaces"][-1]
     assert fine["mean_mm"] < coarse["mean_mm"]
     assert all(row["closed"] for row in facts["surfaces"])
@@ -157,7 +161,7 @@ def test_the_command_writes_tables_a_plot_and_curves(tmp_path, monkeypatch, caps
     assert curve["field_us"] > 0
     assert len(curve["surfaces"]) == 4
     assert (out / "bench.png").read_bytes()[:4] == b"\x89PNG"
-    assert (out / "bench.md").read_text().count("\n| ---") == 5
+    assert (out / "bench.md").read_text().count("\n| ---") == 6
 
 
 def test_the_scenes_are_measured(tmp_path) -> None:

@@ -16,6 +16,7 @@ from test_pipeline import SMALL, Stranger, report_of, stranger, welded_surface
 
 from assets import BuildConfig, build
 from assets.build_config import MESHERS
+from assets.choose import choose_settings
 from assets.draft import open_draft
 from assets.errors import GeometryError
 from assets.isosurface import volume
@@ -189,6 +190,12 @@ def build_mesh(avatar: Shape, config: BuildConfig) -> Any:
     from assets import build_content
 
     return build_content(avatar, config)
+
+
+@pytest.mark.parametrize("recipe", [{"mesher": "marching-cubes"}, {"simplifier": "pymeshlab"}])
+def test_curves_do_not_speak_for_other_recipes(recipe: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="leave the recipe out"):
+        choose_settings(BuildConfig(**recipe), tolerance_mm=1.0)
 
 
 WRONG = """

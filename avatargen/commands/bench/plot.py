@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from avatargen.commands.bench.compare import Comparison
+from avatargen.commands.bench.recipes import RecipeRow, Refusal
 from avatargen.commands.bench.sweep import MappingRow, RayRow, SurfaceRow, TextureRow
 from avatargen.commands.bench.tables import grouped, median
 from avatargen.errors import InputError
@@ -33,13 +34,14 @@ def draw(
     mapping: Sequence[MappingRow],
     rays: Sequence[RayRow],
     comparison: Sequence[Comparison],
+    recipes: Sequence[RecipeRow | Refusal],
 ) -> bytes:
     """A PNG of four panels."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(13, 9.5), layout="constrained")
     axes = figure.subplots(2, 2)
-    draw_surfaces(axes[0, 0], surfaces, comparison)
+    draw_surfaces(axes[0, 0], surfaces, comparison, [row for row in recipes if isinstance(row, RecipeRow)])
     draw_normals(axes[0, 1], surfaces)
     draw_textures(axes[1, 0], textures)
     draw_steps(axes[1, 1], mapping, rays)
@@ -48,7 +50,9 @@ def draw(
     return stream.getvalue()
 
 
-def draw_surfaces(axes: Any, rows: Sequence[SurfaceRow], comparison: Sequence[Comparison]) -> None:
+def draw_surfaces(
+    axes: Any, rows: Sequence[SurfaceRow], comparison: Sequence[Comparison], recipes: Sequence[RecipeRow]
+) -> None:
     """99th percentile of the surface error against seconds."""
     points = []
     for group in grouped(rows, lambda row: row.resolution):
@@ -61,7 +65,14 @@ def draw_surfaces(axes: Any, rows: Sequence[SurfaceRow], comparison: Sequence[Co
     axes.plot(*zip(*front(points), strict=True), "-", color="0.4", lw=1, zorder=0, label="Pareto front")
     for row in comparison:
         axes.plot(row.cpu_seconds, row.p99_mm, "*" if row is comparison[0] else "X", ms=11, label=row.name)
-    axes.set(xscale="log", yscale="log", xlabel="processor seconds to mesh and charts (marks: to the file)")
+    for group in grouped(recipes, lambda row: (row.mesher, row.simplifier)):
+        place = median(group, lambda row: row.seconds), median(group, lambda row: row.p99_mm)
+        axes.plot(*place, "P", ms=8, label=f"{group[0].mesher}, {group[0].simplifier}")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="processor seconds to mesh and charts (stars, crosses: to the file)",
+    )
     axes.set(ylabel="mesh to field, 99th percentile, mm", title="Surface error against run time")
     axes.legend(fontsize=7, loc="upper left", ncols=1, bbox_to_anchor=(1.0, 1.0))  # beside, over no mark
     rule(axes, axes.xaxis, axes.yaxis)

@@ -13,6 +13,7 @@ from avatargen.errors import InputError
 if TYPE_CHECKING:
     from avatargen.avatar import AvatarSampler
     from avatargen.commands.bench.compare import Comparison
+    from avatargen.commands.bench.recipes import RecipeRow, Refusal
     from avatargen.commands.bench.sweep import MappingRow, RayRow, SurfaceRow, TextureRow
 
 PROGRAM = "avatargen bench"
@@ -75,6 +76,7 @@ class Results:
     mapping: "list[MappingRow]"
     rays: "list[RayRow]"
     comparison: "list[Comparison]"
+    recipes: "list[RecipeRow | Refusal]"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -149,10 +151,11 @@ def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Res
     from avatargen.commands.bench import sweep
     from avatargen.commands.bench.compare import compare
     from avatargen.commands.bench.peer import PeerConfig
+    from avatargen.commands.bench.recipes import measure_recipes
     from avatargen.commands.bench.truth import find_truth
 
     torch.set_num_threads(1)  # so that processor seconds are those of the clock on an idle machine
-    found = Results(surfaces=[], textures=[], mapping=[], rays=[], comparison=[])
+    found = Results(surfaces=[], textures=[], mapping=[], rays=[], comparison=[], recipes=[])
     for seed in seeds:
         avatar = generator.sample(seed)
         truth = find_truth(avatar.sdf, avatar.color, avatar.bounds, grid.truth, grid.points)
@@ -165,6 +168,10 @@ def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Res
             for row in compare(generator, truth, seed, ours, peer):
                 found.comparison.append(row)
                 print(f"  {row.name}: {row.cpu_seconds:.1f} s, {row.p99_mm:.2f} mm p99", flush=True)
+        resolution, faces, _ = grid.ours
+        for row in measure_recipes(avatar, BuildConfig(resolution=resolution, faces=faces)):
+            found.recipes.append(row)
+            print(f"  {row.mesher}, {row.simplifier}", flush=True)
         for row in sweep.sweep_surfaces(avatar, truth, grid.resolutions, grid.faces):
             found.surfaces.append(row)
             print(f"  {row.resolution}, {row.faces}: {row.total:.2f} s, {row.p99_mm:.2f} mm p99", flush=True)
@@ -198,6 +205,10 @@ def report(found: Results, seeds: Sequence[int]) -> str:
         "distance is that of `avatargen.body`; the cheap one is read off a grid that is made beforehand and "
         "not timed.",
         tables.comparison_table(found.comparison),
+        "## Meshers and simplifiers",
+        "`--mesher` and `--simplifier` of `avatar-export` at the same resolution and faces, from the field "
+        "to charts. Handles are one number a seed.",
+        tables.recipe_table(found.recipes),
         "## Resolution and faces",
         "Seconds are those from the field to charts. Slivers have an angle under 5 degrees.",
         tables.surface_table(found.surfaces),

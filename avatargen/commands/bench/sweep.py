@@ -14,7 +14,7 @@ import torch
 
 from assets.build_config import BuildConfig
 from assets.charting import Charting
-from assets.draft import open_draft
+from assets.draft import Draft, open_draft
 from assets.mesh.surface import Surface, find_defects, smallest_angles
 from assets.pipeline import plan_for, run
 from assets.skin.attach import attach
@@ -104,15 +104,9 @@ def sweep_surfaces(
 
 
 def surface_row(avatar: Avatar, truth: Truth, config: BuildConfig) -> SurfaceRow | None:
-    """The pipeline from the field to charts; None where the surface has no more faces than asked for."""
+    """A mesh and what it took; None where the surface has no more faces than asked for."""
     assert config.faces is not None, "a sweep is of numbers of faces"
-    costs: dict[str, Cost] = {}
-    with open_draft(avatar, config, charts=True) as draft:
-        for stage in takewhile(lambda stage: stage.name != "bake", plan_for(config).stages):
-            with measured() as costs[stage.name]:
-                stage.run(draft)
-                if stage.name == "charts" and draft.charting is not None:
-                    draft.charting.result()  # beside other stages its seconds would count as theirs
+    draft, costs = run_to_charts(avatar, config)
     if config.faces >= len(draft.cleaning.surface.faces):
         return None
     surface, error, found = draft.surface, draft.error, match(truth, draft.surface)
@@ -135,6 +129,18 @@ def surface_row(avatar: Avatar, truth: Truth, config: BuildConfig) -> SurfaceRow
         slivers=float((smallest_angles(surface) < SLIVER).mean()),
         closed=not find_defects(surface),
     )
+
+
+def run_to_charts(avatar: Avatar, config: BuildConfig) -> tuple[Draft, dict[str, Cost]]:
+    """The pipeline from the field to charts, and what each of its stages cost."""
+    costs: dict[str, Cost] = {}
+    with open_draft(avatar, config, charts=True) as draft:
+        for stage in takewhile(lambda stage: stage.name != "bake", plan_for(config).stages):
+            with measured() as costs[stage.name]:
+                stage.run(draft)
+                if stage.name == "charts" and draft.charting is not None:
+                    draft.charting.result()  # beside other stages its seconds would count as theirs
+    return draft, costs
 
 
 def default_surface(avatar: Avatar, resolution: int, faces: int) -> Surface:

@@ -6,6 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from avatargen.commands.bench.compare import Comparison
+from avatargen.commands.bench.recipes import RecipeRow, Refusal
 from avatargen.commands.bench.sweep import MappingRow, RayRow, SurfaceRow, TextureRow
 
 Row = TypeVar("Row")
@@ -102,6 +103,28 @@ def ray_table(rows: Sequence[RayRow]) -> str:
         for group in grouped(rows, lambda row: row.steps)
     ]
     return table(["steps a ray", "s", "PSNR dB"], lines)
+
+
+def recipe_table(rows: Sequence[RecipeRow | Refusal]) -> str:
+    """Meshers and simplifiers beside each other, ours first; one that refused a seed says so."""
+    lines = []
+    for group in grouped(rows, lambda row: (row.mesher, row.simplifier)):
+        made = [row for row in group if isinstance(row, RecipeRow)]
+        cells = ["-"] * 6
+        if made:
+            cells = [
+                f"{median(made, lambda row: row.seconds):.2f}",
+                f"{median(made, lambda row: row.peak_mb):.0f}",
+                f"{median(made, lambda row: row.mean_mm):.3f}",
+                f"{median(made, lambda row: row.p99_mm):.2f}",
+                f"{median(made, lambda row: row.max_mm):.1f}",
+                ", ".join(str(row.handles) for row in made),
+            ]
+        defects = [row.defects for row in made if row.defects]
+        defects += [row.said for row in group if isinstance(row, Refusal)]
+        lines.append([group[0].mesher, group[0].simplifier, *cells, "; ".join(defects) or "none"])
+    head = ["mesher", "simplifier", "s", "peak MB", "mesh to field mm: mean", "p99", "max", "handles"]
+    return table([*head, "defects"], lines)
 
 
 def comparison_table(rows: Sequence[Comparison]) -> str:
