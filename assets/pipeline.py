@@ -8,6 +8,8 @@ colours.
 import time
 from collections.abc import Callable
 
+from threadpoolctl import threadpool_limits
+
 from assets import plan, stages
 from assets.assemble import assemble, make_report
 from assets.asset.asset import Asset, PlainAsset
@@ -48,6 +50,9 @@ def build(avatar: AvatarFields, config: BuildConfig | None = None, progress: Pro
     return asset
 
 
+# numpy's products are small here: more threads than one gain nothing, and once woken they spin on the cores
+# that the field and xatlas could use, a quarter of all processor time
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def build_content(avatar: AvatarFields, config: BuildConfig, progress: Progress | None = None) -> PlainAsset:
     """The avatar as what `config.content` asks for: a `PlainAsset`, `TexturedAsset` or `Asset`.
 

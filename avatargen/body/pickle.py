@@ -51,6 +51,7 @@ def convert_pickle(path: Path) -> dict[str, np.ndarray]:
 def run_limited(source: Path, target: Path, module: str = "avatargen.body.pickle") -> str | None:
     """Convert in a subprocess that runs a module; None, or what went wrong in one line."""
     root = Path(__file__).resolve().parents[2]
+    # each of numpy's threads takes memory as it loads, before any limit but this could be set
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(root)}
     command = [sys.executable, "-m", module, str(source), str(target)]
     try:

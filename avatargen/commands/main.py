@@ -14,7 +14,6 @@ from typing import NoReturn
 from avatargen import __version__
 from avatargen.commands.line import complain, leave, open_streams
 from avatargen.errors import InputError
-from avatargen.shadow import prefer_ours
 
 PROGRAM = "avatargen"
 
@@ -159,7 +158,6 @@ def help_text() -> str:
 
 def program() -> NoReturn:
     """The installed command."""
-    prefer_ours()
     leave(main())
 
 

@@ -5,3 +5,7 @@
 The only room beside the commands that sees all three packages. Its names are `avatargen.ExportRequest`,
 `avatargen.export_avatar` and `avatargen.export_many`.
 """
+
+from avatargen.shadow import require_ours
+
+require_ours()

@@ -127,6 +127,7 @@ def run(options: Options) -> None:
 def run_scenes(options: Options) -> None:
     """Build the scenes; a quick run takes the smallest alone."""
     import torch
+    from threadpoolctl import threadpool_limits
 
     import avatargen
     from assets.scenes import SCENES
@@ -134,6 +135,7 @@ def run_scenes(options: Options) -> None:
     from avatargen.commands.bench.scenes import measure_scenes, scene_page
 
     torch.set_num_threads(1)  # so that processor seconds are those of the clock on an idle machine
+    threadpool_limits(1, user_api="blas")
     options.out.mkdir(parents=True, exist_ok=True)
     names = ("crowd",) if options.quick else tuple(SCENES)
     rows = list(measure_scenes(avatargen.load_generator(options.weights), options.seeds[0], names))
@@ -146,6 +148,7 @@ def run_scenes(options: Options) -> None:
 def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Results:
     """Every sweep on every seed, but the peers' recipe on the first alone; says what is being done."""
     import torch
+    from threadpoolctl import threadpool_limits
 
     from assets.build_config import BuildConfig
     from avatargen.commands.bench import sweep
@@ -155,6 +158,7 @@ def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Res
     from avatargen.commands.bench.truth import find_truth
 
     torch.set_num_threads(1)  # so that processor seconds are those of the clock on an idle machine
+    threadpool_limits(1, user_api="blas")
     found = Results(surfaces=[], textures=[], mapping=[], rays=[], comparison=[], recipes=[])
     for seed in seeds:
         avatar = generator.sample(seed)

@@ -14,7 +14,6 @@ from avatargen.commands.export import PROGRAM
 from avatargen.commands.line import leave, run_command
 from avatargen.commands.progress import Show, progress_line
 from avatargen.errors import AvatarGenError
-from avatargen.shadow import prefer_ours
 
 if TYPE_CHECKING:
     from avatargen.export.manifest import Row
@@ -116,7 +115,6 @@ def process_seconds() -> float:
 
 def program() -> NoReturn:
     """The installed command."""
-    prefer_ours()
     leave(main())
 
 
