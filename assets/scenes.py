@@ -22,6 +22,7 @@ class Scene:
     texture: int = 1024
     normal_map: int | None = None  # texels along a side
     joints: Joints = "all"
+    for_slicers: bool = False  # what names no unit is in millimetres, z up
 
 
 SCENES = {
@@ -31,7 +32,12 @@ SCENES = {
         purpose="one of hundreds, far away", resolution=256, faces=2_000, texture=256, joints="24"
     ),
     "print": Scene(
-        purpose="a statue for a 3D printer", format="stl", content="mesh", resolution=384, faces=None
+        purpose="a statue for a 3D printer",
+        format="stl",
+        content="mesh",
+        resolution=384,
+        faces=None,
+        for_slicers=True,
     ),
     "ar": Scene(purpose="a phone's viewer", format="usdz", faces=15_000),
     "still": Scene(

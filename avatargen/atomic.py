@@ -39,9 +39,7 @@ def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
     Raises:
         InputError: one of them cannot be written, and then none is; or two are the same file.
     """
-    targets = [resolve_target(path) for path, _ in files]
-    if len(set(targets)) < len(targets):
-        raise InputError(f"cannot write {', '.join(str(path) for path, _ in files)}: two are the same file")
+    targets = different_targets([path for path, _ in files])
     with ExitStack() as parts:
         for target in sorted(targets):  # in one order, so that no two processes wait for each other
             parts.enter_context(only_writer(target, PATIENCE))
@@ -55,6 +53,14 @@ def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
                 raise unwritable(path, error) from error
         for folder in {target.parent for target in targets}:
             flush_folder(folder)
+
+
+def different_targets(paths: Sequence[str | Path]) -> list[Path]:
+    """The real places of files that are to be written. Raises InputError where two are the same."""
+    targets = [resolve_target(path) for path in paths]
+    if len(set(targets)) < len(targets):
+        raise InputError(f"cannot write {', '.join(map(str, paths))}: two are the same file")
+    return targets
 
 
 def stage(path: str | Path, target: Path, data: bytes, parts: ExitStack) -> Path:

@@ -76,7 +76,7 @@ FORMATS: dict[str, Format] = {
         quantize=True,
         levels=True,
     ),
-    ".vrm": Format(one_file(vrm.encode), rest_pose=vrm.REST_POSE),
+    ".vrm": Format(vrm.encode_files, beside=(".vrma",), rest_pose=vrm.REST_POSE),
     ".usda": Format(
         encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png"), unkept=USD_SYNTAX
     ),

@@ -1,7 +1,7 @@
 """A rigged asset as VRM 1.0: a .glb whose joints are known as a person's bones, and who may use it for what.
 
-VRM wants a person at rest in the T-pose, facing +z, soles at y = 0, with fifteen bones at least. Its programs
-move those bones themselves, so animations stay behind.
+VRM wants a person at rest in the T-pose, facing +z, soles at y = 0, with fifteen bones at least. A .vrm holds
+no animations: they go into NAME.vrma beside it.
 """
 
 from dataclasses import replace
@@ -12,8 +12,9 @@ from assets.asset.asset import Asset, AssetInfo, PlainAsset
 from assets.asset.names import NAME_PRESETS, VRM_HUMAN_BONES
 from assets.asset.rig import Skeleton
 from avatargen.errors import InputError
-from exporters import glb
+from exporters import glb, vrma
 from exporters.encoding import PLAIN, Encoding
+from exporters.file import File
 
 REST_POSE = "t"
 LICENCE_URL = "https://vrm.dev/licenses/1.0/"
@@ -26,6 +27,15 @@ SIDED = ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")
 REQUIRED_BONES = ("hips", "spine", "head", *(side + bone for side in ("left", "right") for bone in SIDED))
 LARGEST_TURN = 0.1  # radians a joint may be off the T-pose
 LARGEST_GAP = 0.02  # metres between the soles and the ground
+
+
+def encode_files(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tuple[File, ...]:
+    """NAME.vrm, and NAME.vrma where there are animations. Raises the errors of `encode`."""
+    name, motion_name = names
+    files = (File(name, encode(asset, encoding)),)
+    if not isinstance(asset, Asset) or not asset.animations:
+        return files
+    return (*files, File(motion_name, vrma.encode(asset, human_bones(asset.skeleton.joint_names))))
 
 
 def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:

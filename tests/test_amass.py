@@ -1,5 +1,7 @@
 """Motion files: every joint count, axes turned once, bad frames filled and named, damage refused."""
 
+import os
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,7 @@ def arrays(frames: int = 12, joints: int = 24, seed: int = 0) -> dict[str, np.nd
     poses = start + np.linspace(0, 1, frames)[:, None] * drift * 0.5
     return {
         "poses": poses,
-        "trans": rng.normal(size=(frames, 3)),
+        "trans": 0.1 * rng.normal(size=(frames, 3)),
         "mocap_framerate": np.array(60.0),
         "betas": rng.normal(size=16),
         "gender": np.array("female"),
@@ -52,7 +54,7 @@ def test_every_joint_count_is_read_by_its_names(tmp_path: Path, joints: int, fla
 def test_z_up_becomes_y_up_for_the_whole_body(tmp_path: Path) -> None:
     """Our pose of our motion is the file's pose of the file's numbers, turned as a whole, but for a shift."""
     given, body = arrays(), capsule_body()
-    motion = load_motion(saved(tmp_path))
+    motion = load_motion(saved(tmp_path), "z")
     shaped = shape(body, BETAS)
     shifts = []
     for frame in range(12):
@@ -136,3 +138,93 @@ def test_a_file_without_way_or_rate_stays_in_place_at_the_usual_rate(tmp_path: P
     motion = load_motion(saved(tmp_path, trans=None, mocap_framerate=None))
     assert not motion.translation.any()
     assert motion.times[1] == pytest.approx(1 / 60)
+
+
+def standing(up: str, frames: int = 12) -> dict[str, np.ndarray]:
+    """Somebody who walks forward along the file's other axis, swinging an arm."""
+    poses = np.zeros((frames, 72))
+    poses[:, 0] = np.pi / 2 if up == "z" else 0.0
+    poses[:, 50] = np.linspace(-0.5, 0.5, frames)
+    height, way = np.full(frames, 0.9), np.linspace(0, 1, frames)
+    trans = np.stack([0 * way, height, way] if up == "y" else [0 * way, -way, height], axis=1)
+    return {"poses": poses, "trans": trans}
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_the_upward_axis_is_the_one_that_people_stand_along(tmp_path: Path, up: str) -> None:
+    motion = load_motion(saved(tmp_path, **standing(up)))
+    np.testing.assert_allclose(np.abs(motion.rotations[:, 0]), np.tile([0, 0, 0, 1.0], (12, 1)), atol=1e-12)
+    np.testing.assert_allclose(motion.translation[-1], [0, 0.9, 1], atol=1e-12)
+
+
+def test_an_upward_axis_that_is_given_is_taken(tmp_path: Path) -> None:
+    """Somebody who lies along the file's y, z up, cannot be told from somebody who stands, y up."""
+    lying = saved(tmp_path, **standing("y"))
+    np.testing.assert_allclose(load_motion(lying, "z").translation[-1], [0, 1, -0.9], atol=1e-12)
+    np.testing.assert_allclose(load_motion(lying, "y").translation[-1], [0, 0.9, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("key", ["mocap_framerate", "mocap_frame_rate", "fps", "frame_rate"])
+def test_every_name_of_the_rate_is_read(tmp_path: Path, key: str) -> None:
+    rate = {"mocap_framerate": None} | {key: np.array(20)}
+    assert load_motion(saved(tmp_path, **rate)).seconds == pytest.approx(11 / 20)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".pkl"])
+@pytest.mark.parametrize(
+    ("root", "body", "hands", "joints"),
+    [
+        ("root_orient", "pose_body", ("pose_hand",), 52),
+        ("global_orient", "body_pose", ("left_hand_pose", "right_hand_pose"), 52),
+        ("global_orient", "body_pose", (), 22),
+        ("global_orient", "body_pose", (), 24),
+    ],
+)
+def test_poses_in_parts_are_the_same_pose(
+    tmp_path: Path, suffix: str, root: str, body: str, hands: tuple[str, ...], joints: int
+) -> None:
+    given = arrays(joints=joints)
+    whole = load_motion(saved(tmp_path, poses=given["poses"], trans=given["trans"]))
+    end = 66 if joints == 52 else 3 * joints
+    parts = {root: given["poses"][:, :3], body: given["poses"][:, 3:end], "transl": given["trans"]}
+    parts |= dict(zip(hands, np.split(given["poses"][:, end:], len(hands) or 1, axis=1), strict=False))
+    path = tmp_path / f"parts{suffix}"
+    if suffix == ".npz":
+        np.savez(path, **parts, fps=60.0)  # pyright: ignore[reportArgumentType]
+    else:
+        path.write_bytes(pickle.dumps(parts | {"fps": 60.0, "gender": "female"}))
+    found = load_motion(path)
+    assert found.joint_names == whole.joint_names
+    for name in ("times", "rotations", "translation"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"poses": np.degrees(arrays()["poses"])}, "as if in degrees; save axis-angle in radians"),
+        (
+            {"trans": 1000 * standing("y")["trans"]},
+            "as if in millimetres or centimetres; save trans in metres",
+        ),
+        ({"trans": 100 * standing("y")["trans"]}, "as if in millimetres or centimetres"),
+        ({"poses": None, "pose_body": np.zeros((12, 62))}, r"\[T, 63\] or \[T, 69\] of a body"),
+        ({"poses": None, "pose_body": np.zeros((12, 63)), "root_orient": np.zeros((3, 3))}, "holds parts"),
+        ({"poses": None}, "holds no 'poses', nor pose_body or body_pose"),
+    ],
+)
+def test_what_makes_no_person_is_refused(tmp_path: Path, change: dict, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        load_motion(saved(tmp_path, **standing("y") | change))
+
+
+def test_a_pickled_motion_runs_nothing(tmp_path: Path) -> None:
+    (tmp_path / "take.pkl").write_bytes(b"cos\nsystem\n(S'touch ran'\ntR.")
+    with pytest.raises(InputError, match=r"motion: .*take.pkl was not read: .*os.system"):
+        load_motion(tmp_path / "take.pkl")
+
+
+def test_a_name_that_is_no_utf8_becomes_one(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"caf\xe9.npz")
+    saved(tmp_path).rename(path)
+    assert load_motion(path).name == "caf\ufffd"

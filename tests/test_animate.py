@@ -133,3 +133,20 @@ def test_an_animation_checks_itself(change: dict) -> None:
     found = animation_of(skeleton_at(RESTS["a"]), random_motion(3))
     with pytest.raises(GeometryError, match="animation random"):
         replace(found, **change)
+
+
+def test_the_way_of_another_person_is_scaled_with_the_legs() -> None:
+    """So that feet which stand still in the file stand still here; one's own way stays."""
+    skeleton, motion = skeleton_at(np.zeros((24, 3))), random_motion()
+    names = skeleton.joint_names
+    place = dict(zip(names, skeleton.joints, strict=True))
+    legs = [
+        np.linalg.norm(place[f"{side}_{lower}"] - place[f"{side}_{upper}"])
+        for side in ("left", "right")
+        for upper, lower in (("hip", "knee"), ("knee", "ankle"))
+    ]
+    leg = float(sum(legs) / 2)
+    own, other = (animation_of(skeleton, replace(motion, leg=each)) for each in (None, leg / 2))
+    np.testing.assert_array_equal(own.root, skeleton.joints[0] + motion.translation)
+    np.testing.assert_allclose(other.root, skeleton.joints[0] + 2 * motion.translation, rtol=1e-9)
+    np.testing.assert_array_equal(own.rotations, other.rotations)

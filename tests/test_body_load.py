@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from avatargen.body.conventions import volume
 from avatargen.body.joints import SMPL_JOINT_NAMES
 from avatargen.body.load import load_body, save_body
 from avatargen.body.model import Body
@@ -163,3 +164,87 @@ def test_a_zip_bomb_is_refused(tmp_path: Path):
     assert path.stat().st_size < 10e6
     with pytest.raises(InputError, match="at most"):
         load_body(path)
+
+
+def arrays_of(body: Body) -> dict[str, np.ndarray]:
+    return {
+        "v_template": body.v_template,
+        "f": body.faces,
+        "weights": body.weights,
+        "kintree_table": np.stack([body.parents, np.arange(body.joint_count)]),
+        "J_regressor": body.J_regressor,
+        "shapedirs": body.shapedirs,
+    }
+
+
+def loaded(folder: Path, **changes: np.ndarray) -> Body:
+    np.savez(folder / "body.npz", **arrays_of(capsule_body()) | changes)  # pyright: ignore[reportArgumentType]
+    return load_body(folder / "body.npz")
+
+
+Z_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+
+
+@pytest.mark.parametrize("convention", ["reversed", "z up", "centimetres", "millimetres", "all of them"])
+def test_another_convention_becomes_ours(tmp_path: Path, convention: str) -> None:
+    """The same person, whatever way the file has it."""
+    body, every = capsule_body(), convention == "all of them"
+    changes, scale = (
+        {},
+        {"centimetres": 100.0, "millimetres": 1000.0, "all of them": 100.0}.get(convention, 1),
+    )
+    turn = Z_UP if every or convention == "z up" else np.eye(3)
+    if every or convention == "reversed":
+        changes["f"] = body.faces[:, ::-1]
+    changes["v_template"] = scale * body.v_template @ turn.T
+    changes["shapedirs"] = scale * np.einsum("ij,vjb->vib", turn, body.shapedirs)
+    found = loaded(tmp_path, **changes)
+    np.testing.assert_allclose(found.v_template, body.v_template, atol=1e-6)
+    np.testing.assert_allclose(found.shapedirs, body.shapedirs, atol=1e-6)
+    np.testing.assert_array_equal(np.sort(found.faces), np.sort(body.faces))
+    assert volume(found.v_template, found.faces) == pytest.approx(
+        volume(body.v_template, body.faces), rel=1e-4
+    )
+
+
+def test_what_is_in_our_convention_stays_as_it_is(tmp_path: Path) -> None:
+    found, body = loaded(tmp_path), capsule_body()
+    for name in ("v_template", "faces", "weights", "shapedirs"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(body, name))
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"v_template": -capsule_body().v_template}, "its head is above its ankles along -y, wanted y"),
+        ({"v_template": capsule_body().v_template[:, [1, 0, 2]]}, "along x, wanted y"),
+        ({"v_template": 17 * capsule_body().v_template}, "no person's size in metres, centimetres or"),
+        (
+            {
+                "v_template": capsule_body().v_template @ Z_UP.T,
+                "posedirs": np.zeros((len(capsule_body().v_template), 3, 207)),
+            },
+            "along z, wanted y",
+        ),
+    ],
+)
+def test_what_makes_no_person_is_refused(tmp_path: Path, changes: dict, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        loaded(tmp_path, **changes)
+
+
+def test_weights_that_were_rounded_below_zero_are_zero(tmp_path: Path) -> None:
+    weights = capsule_body().weights.astype(np.float64)
+    weights[weights == 0] = -1e-9
+    np.testing.assert_allclose(loaded(tmp_path, weights=weights).weights, capsule_body().weights, atol=1e-7)
+    weights[0, :2] = 1.1, -0.1
+    weights[0, 2:] = 0
+    with pytest.raises(InputError, match=r"weights must be 0 or more; the least is -1.0e-01"):
+        loaded(tmp_path, weights=weights)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32, np.uint64, np.int64, np.float64])
+def test_no_parent_in_every_type(tmp_path: Path, kind: type) -> None:
+    table = np.stack([capsule_body().parents, np.arange(24)])
+    table = table.astype(kind) if kind is np.float64 else table.astype(np.int64).astype(kind)
+    assert loaded(tmp_path, kintree_table=table).parents.tolist() == capsule_body().parents.tolist()

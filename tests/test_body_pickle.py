@@ -65,7 +65,9 @@ def test_python_2_text_loads(tmp_path: Path):
         + b"\ntbs."
     )
     (tmp_path / "old.pkl").write_bytes(text)
-    assert np.array_equal(converter.convert_pickle(tmp_path / "old.pkl")["v_template"], array)
+    assert np.array_equal(
+        converter.convert_pickle(tmp_path / "old.pkl", converter.KEYS, "body")["v_template"], array
+    )
 
 
 class Calls:

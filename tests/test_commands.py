@@ -245,8 +245,18 @@ def test_output_that_has_no_room_is_told_in_a_line(unbuffered: str) -> None:
         )
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        "p: cannot print to standard output: No space left on device; give it room, or send it elsewhere"
+        "p: cannot print: No space left on device; give the output room, or send it elsewhere"
     ]
+
+
+def test_errors_that_have_no_room_leave_the_status() -> None:
+    code = (
+        "from avatargen.commands.line import *; leave(run_command('p', lambda: print('x', file=sys.stderr)))"
+    )
+    for mode, status in (("w", 2), ("r", 0)):  # no room; no writing, as if it were closed
+        with open("/dev/full", mode) as full:
+            done = subprocess.run([sys.executable, "-c", code], cwd=PROJECT, stderr=full, stdout=-1)
+        assert done.returncode == status
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii", "latin-1"])

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.asset.asset import PlainAsset, TexturedAsset
+from assets.asset.asset import Asset, PlainAsset, TexturedAsset
 from avatargen.atomic import write_together
 from avatargen.errors import InputError
 from exporters import FORMATS, encode, export, files_of
 from exporters.check_usd import check_usd
-from tests.figure import figure
+from tests.figure import figure, in_motion
 from tests.mutate import fast_folder
 from tests.test_atomic import small_files_only
 from tests.test_avatar_export import outside
@@ -25,6 +25,11 @@ from tests.verdicts import khronos_issues
 
 NAMES = [f"person{suffix}" for suffix in FORMATS]
 ARRAYS = ("vertices", "normals", "uv", "faces", "joints", "weights", "texture")
+
+
+def person(size: int = 64) -> Asset:
+    """A figure with all that there can be a file for."""
+    return in_motion(figure(size=size))
 
 
 @pytest.mark.parametrize("name", ["a.fbx", "a", "a.glb.zip", ".glb", ""])
@@ -37,14 +42,14 @@ def test_unknown_suffixes_are_refused_with_the_known_ones(tmp_path: Path, name: 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_files_announced_are_the_files_written(tmp_path: Path, name: str) -> None:
     path = tmp_path / name.upper()  # the suffix counts in any case
-    size = export(figure(), path)
+    size = export(person(), path)
     written = list(tmp_path.iterdir())
 
     assert files_of(path)[0] == path
     assert sorted(written) == sorted(files_of(path))
     assert size == sum(file.stat().st_size for file in written)
-    assert encode(figure(), path)[-1][0] == path  # a file that is there finds the files it names
-    assert dict(encode(figure(), path)) == {f: f.read_bytes() for f in written}
+    assert encode(person(), path)[-1][0] == path  # a file that is there finds the files it names
+    assert dict(encode(person(), path)) == {f: f.read_bytes() for f in written}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -59,13 +64,13 @@ def test_encoding_leaves_the_asset_alone(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in NAMES if FORMATS[Path(name).suffix].beside])
 def test_one_file_that_cannot_be_written_leaves_all_as_they_were(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
-    export(figure(), path)
+    export(person(), path)
     before = {file: file.read_bytes() for file in files_of(path)}
     blocked = files_of(path)[-1]
     blocked.unlink()
     blocked.mkdir()
     with pytest.raises(InputError, match=f"cannot write .*{blocked.name}: it is a folder"):
-        export(figure(size=32), path)
+        export(person(size=32), path)
     assert all(file.read_bytes() == before[file] for file in files_of(path) if file != blocked)
     assert sorted(tmp_path.iterdir()) == sorted(files_of(path))
 
@@ -105,8 +110,8 @@ from pathlib import Path
 import numpy as np
 from avatargen.atomic import PART_SUFFIX, write_together
 from exporters import encode, export, files_of
-from tests.figure import figure
-assets = [figure(size=128), figure(size=96)]
+from tests.figure import figure, in_motion
+assets = [in_motion(figure(size=128)), in_motion(figure(size=96))]
 random, cut_short = np.random.default_rng(0), 0
 for path in map(Path, sys.argv[2:]):
     export(assets[0], path)
@@ -149,9 +154,9 @@ def test_killed_at_random_moments_no_file_is_torn() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_full_disk_leaves_the_old_files(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
-    export(figure(), path)
+    export(person(), path)
     before = {file: file.read_bytes() for file in tmp_path.iterdir()}
-    asset = figure(size=96)
+    asset = person(size=96)
     with (
         pytest.raises(InputError, match=r"cannot write .*(File too large|TMPDIR)"),
         small_files_only(),
@@ -164,9 +169,9 @@ def test_full_disk_leaves_the_old_files(tmp_path: Path, name: str) -> None:
 def test_read_only_folder_leaves_the_old_files(name: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
-        export(figure(), path)
+        export(person(), path)
         before = {file: file.read_bytes() for file in files_of(path)}
-        files = encode(figure(size=96), path)
+        files = encode(person(size=96), path)
         Path(folder).chmod(0o555)
         with pytest.raises(InputError, match=r"cannot write .*Permission denied"), as_nobody():
             write_together(files)

@@ -19,6 +19,7 @@ from avatargen.export.request import NO_BYTE, ExportRequest
 from exporters.encoding import Encoding
 from tests import cli_page
 
+WALKING = ("--seed", "3", "--clip", "walk")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
 CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -74,10 +75,11 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--morphs": (ONE, (*ONE, "--morphs")),
     "--clip": (ONE, (*ONE, "--clip", "walk")),
     "--motion": (ONE, (*ONE, "--motion", "a.npz")),
-    "--fps": (ONE, (*ONE, "--fps", "24")),
-    "--speed": (ONE, (*ONE, "--speed", "2")),
-    "--mirror": (ONE, (*ONE, "--mirror")),
-    "--in-place": (ONE, (*ONE, "--in-place")),
+    "--motion-up": ((*ONE, "--motion", "a.npz"), (*ONE, "--motion", "a.npz", "--motion-up", "y")),
+    "--fps": (WALKING, (*WALKING, "--fps", "24")),
+    "--speed": (WALKING, (*WALKING, "--speed", "2")),
+    "--mirror": (WALKING, (*WALKING, "--mirror")),
+    "--in-place": (WALKING, (*WALKING, "--in-place")),
     "--device": (ONE, (*ONE, "--device", "cuda")),
     "--jobs": (MANY, (*MANY, "--jobs", "2")),
     "--ray": (MANY, (*MANY, "--ray", "auto")),
@@ -124,7 +126,8 @@ def test_a_changed_option_changes_the_fingerprint_or_says_why_not(option: str) -
     "action", [each for each in OPTIONS if each.choices], ids=lambda action: action.option_strings[-1]
 )
 def test_every_choice_of_an_option_is_a_fingerprint_of_its_own(action) -> None:
-    seen = [fingerprint(parse([*ONE, action.option_strings[-1], choice])) for choice in action.choices]
+    words = CHANGES[action.option_strings[-1]][0]
+    seen = [fingerprint(parse([*words, action.option_strings[-1], choice])) for choice in action.choices]
     assert all(one != other for i, one in enumerate(seen) for other in seen[:i])
 
 
@@ -133,13 +136,10 @@ def test_every_field_of_a_request_is_reached_by_an_option() -> None:
         name for before, after in CHANGES.values() for name in changed_fields(parse(before), parse(after))
     }
     reached |= changed_fields(parse(ONE), parse([*ONE, "--pose", "t"]))
+    reached |= changed_fields(parse(ONE), parse([*ONE, "--scene", "print"]))
     names = [each.name for each, _ in settings(parse(ONE))]
     assert len(names) == len(set(names)), "two fields of one name hide each other"
-    assert set(names) - reached == {
-        "for_slicers",
-        "head_detail",
-        "on_ground",
-    }  # of BuildConfig, without an option
+    assert set(names) - reached == {"head_detail", "on_ground"}  # of BuildConfig, without an option
 
 
 @pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion"])

@@ -121,6 +121,9 @@ def test_a_statue_is_a_closed_mesh_and_nothing_else(tmp_path) -> None:
     mesh = trimesh.load(path)
     assert isinstance(mesh, trimesh.Trimesh)
     assert mesh.is_volume
+    assert report["axes"] == "millimetres, z up"
+    assert 500 < mesh.extents[2] < 3000 and mesh.extents[2] == mesh.extents.max()
+    assert mesh.bounds[0, 2] == pytest.approx(0, abs=0.1)  # it stands on the plate
     assert len(mesh.faces) == report["faces"]
     assert not {"atlas", "bake", "simplify", "fit"} & set(report["seconds"])
     saved = {item["what"]: item for item in report["left_out"]}

@@ -24,7 +24,16 @@ from avatargen.motion.clips import CLIPS, make_clip
 from exporters import FORMATS, export, vrm
 from tests.figure import figure, in_motion, without_weight_on
 from tests.tube import tube
-from tests.verdicts import AGREE, JUDGES, ask_engine, khronos_issues, our_vertices, random_poses, require
+from tests.verdicts import (
+    AGREE,
+    JUDGES,
+    ask_engine,
+    ask_node,
+    khronos_issues,
+    our_vertices,
+    random_poses,
+    require,
+)
 
 # of VRM 1.0's specification: bones a person must have, each below the nearest of the others that is there
 PARENTS = {
@@ -103,12 +112,15 @@ def test_three_vrm_bends_a_persons_every_human_bone(tmp_path: Path) -> None:
         assert np.abs(ours - asset.vertices).max() > 0.05
 
 
-def type_errors(folder: Path, found: object) -> str:
+def type_errors(
+    folder: Path, found: object, kind: str = "VRMCVRM", package: str = "types-vrmc-vrm-1.0"
+) -> str:
     """What TypeScript says of an extension against VRM's published types; empty if it fits."""
     node = shutil.which("node")
-    require(node is not None and (JUDGES / "node_modules" / "typescript").is_dir(), "typescript")
+    for needed in ("typescript", f"@pixiv/{package}"):
+        require(node is not None and (JUDGES / "node_modules" / needed).is_dir(), needed)
     (folder / "node_modules").symlink_to((JUDGES / "node_modules").resolve())
-    source = 'import type { VRMCVRM } from "@pixiv/types-vrmc-vrm-1.0";\nexport const found: VRMCVRM = '
+    source = f'import type {{ {kind} }} from "@pixiv/{package}";\nexport const found: {kind} = '
     (folder / "found.ts").write_text(f"{source}{json.dumps(found)};\n")
     compiler = JUDGES / "node_modules" / "typescript" / "bin" / "tsc"
     command = [str(node), str(compiler), "--noEmit", "--strict", "--skipLibCheck", "found.ts"]
@@ -183,6 +195,31 @@ def test_a_skeleton_of_moving_joints_is_still_a_persons() -> None:
     clips = [make_clip(clip, person) for clip in CLIPS]
     for clip, animation in zip(clips, animate(lean, clips).animations, strict=True):
         assert animation.name == clip.name
+
+
+def test_clips_stand_beside_as_vrm_animation(tmp_path: Path) -> None:
+    """Sound glTF, the extension of VRM's published types, and three-vrm-animation plays it on the .vrm as our
+    skinning does, at every frame of every clip."""
+    asset = in_motion(figure())
+    export(asset, tmp_path / "person.vrm")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["person.vrm", "person.vrma"]
+    messages = khronos_issues(tmp_path / "person.vrma")["messages"]
+    assert {message["code"] for message in messages} <= {
+        "UNSUPPORTED_EXTENSION",
+        "NODE_EMPTY",
+    }  # the last joints
+    document: Any = pygltflib.GLTF2.load_from_bytes((tmp_path / "person.vrma").read_bytes())
+    assert document.extensionsUsed == ["VRMC_vrm_animation"] and not document.meshes
+    found = document.extensions["VRMC_vrm_animation"]
+    assert type_errors(tmp_path, found, "VRMCVRMAnimation", "types-vrmc-vrm-animation-1.0") == ""
+    times = [asset.animations[0].times.tolist(), asset.animations[1].times.tolist()]
+    paths = [tmp_path / name for name in ("person.vrm", "person.vrma")]
+    played = ask_node("vrma_check.mjs", "@pixiv/three-vrm-animation", *paths, json.dumps(times))
+    for clip, frames in zip(asset.animations, played["vertices"], strict=True):
+        for vertices, transforms in zip(frames, clip.T_posed_rest(asset.skeleton), strict=True):
+            ours = our_vertices(asset, transforms)
+            np.testing.assert_allclose(np.reshape(vertices, (-1, 3)), ours, atol=AGREE)
+            assert np.abs(ours - asset.vertices).max() > 0.05
 
 
 def test_clips_stay_behind_and_morphs_come_along() -> None:

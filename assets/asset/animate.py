@@ -48,7 +48,8 @@ def animate(asset: Asset, motions: Sequence[Motion], on_ground: bool = True) -> 
 
 
 def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
-    """The motion on this skeleton, the pelvis at its place in the T-pose plus the motion's translation.
+    """The motion on this skeleton, the pelvis at its place in the T-pose plus the motion's translation, which
+    is scaled with the legs, as steps are, where it is another person's.
 
     Raises:
         InputError: the motion shares no joint with the skeleton.
@@ -73,8 +74,21 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         name=motion.name,
         times=motion.times,
         rotations=continuous(quaternions),
-        root=skeleton.joints[0] + motion.translation,
+        root=skeleton.joints[0] + motion.translation * step_scale(skeleton, motion.leg),
     )
+
+
+def step_scale(skeleton: Skeleton, leg: float | None) -> float:
+    """How long this skeleton's legs are against those that made a motion; 1 where either is unknown."""
+    names = skeleton.joint_names
+    lengths = []
+    for side in ("left", "right"):
+        joints = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle")]
+        if leg is None or not set(joints) <= set(names):
+            return 1.0
+        hip, knee, ankle = (skeleton.joints[names.index(joint)] for joint in joints)
+        lengths.append(float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)))
+    return sum(lengths) / 2 / leg
 
 
 def zero_rotations(frames: int, joints: int) -> Float64[np.ndarray, "T J 3 3"]:

@@ -7,9 +7,10 @@ import numpy as np
 
 from avatargen.atomic import write_atomically
 from avatargen.body.arrays import read_npz
+from avatargen.body.conventions import in_our_convention
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.model import Body, require_shape
-from avatargen.body.pickle import convert_pickle
+from avatargen.body.pickle import KEYS, convert_pickle
 from avatargen.errors import InputError
 
 NEEDED = ("v_template", "weights", "J_regressor", "shapedirs")
@@ -17,21 +18,22 @@ EITHER = (("faces", "f"), ("parents", "kintree_table"))
 OPTIONAL = ("posedirs", "joint_names")
 MAX_JOINTS = 1000
 WEIGHT_SUM_TOLERANCE = 1e-3  # of a file; rows are rescaled to 1 after the check
+LEAST_WEIGHT = -1e-6  # a weight from here to 0 is one that was rounded, and 0
 WEIGHT_SUM_ROUNDING = 1e-6  # rows this near to 1 are left as they are
 
 
 def load_body(path: str | Path) -> Body:
     """Read a body from .npz or, converted in a subprocess that runs none of the file's code, from SMPL's
-    .pkl.
+    .pkl. Its convention becomes ours: see `avatargen.body.conventions`.
 
     Raises:
         InputError: missing, damaged, incomplete or inconsistent file.
     """
     path = Path(path)
     if path.suffix == ".npz":
-        return body_from_arrays(read_npz(path, file_keys(), what="body"), path)
+        return in_our_convention(body_from_arrays(read_npz(path, file_keys(), what="body"), path))
     if path.suffix == ".pkl":
-        return body_from_arrays(convert_pickle(path), path)
+        return in_our_convention(body_from_arrays(convert_pickle(path, KEYS, what="body"), path))
     raise InputError(f"body: {path} has suffix {path.suffix!r}; a body is an .npz or SMPL's .pkl")
 
 
@@ -69,6 +71,7 @@ def body_from_arrays(arrays: dict[str, np.ndarray], path: Path) -> Body:
     if missing:
         raise InputError(f"body: {path} lacks {', '.join(missing)}; it must be a body in SMPL's form")
     weights = numbers(arrays, "weights", (None, None))
+    weights = np.where((weights < 0) & (weights >= LEAST_WEIGHT), 0.0, weights)
     sums = weights.sum(axis=1, keepdims=True)
     sums = np.where(np.abs(sums - 1) < WEIGHT_SUM_ROUNDING, 1.0, sums)
     if not (np.abs(sums - 1) < WEIGHT_SUM_TOLERANCE).all():
@@ -103,8 +106,10 @@ def as_type(array: np.ndarray, kind: type) -> np.ndarray:
 
 
 def whole_numbers(arrays: dict[str, np.ndarray], key: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """One array as int64, with SMPL's unsigned 2**32 - 1 read as -1."""
+    """One array as int64, with the largest unsigned numbers of 32 and 64 bits, which SMPL's files have for no
+    parent, read as -1."""
     values = numbers(arrays, key, shape)
+    values = np.where(values == float(2**64 - 1), -1.0, values)
     if not (np.abs(values) <= 2**32).all() or (values != np.rint(values)).any():
         raise InputError(f"body: {key} holds values that are no indices; the file is damaged")
     indices = values.astype(np.int64)

@@ -85,10 +85,10 @@ def check_skeleton(parents: Int64[np.ndarray, " J"], weights: Float[np.ndarray, 
             "body: parents must be -1 for joint 0 alone, and name an earlier joint for every other"
         )
     error = np.abs(weights.sum(axis=1, dtype=np.float64) - 1).max(initial=0)
-    if not error < WEIGHT_SUM_LIMIT or weights.min() < 0:  # `not <` also catches NaN
-        raise InputError(
-            f"body: weights must be 0 or more and sum to 1 per vertex; sums are off by {error:.1e}"
-        )
+    if not error < WEIGHT_SUM_LIMIT:  # also catches NaN
+        raise InputError(f"body: weights must sum to 1 per vertex; sums are off by {error:.1e}")
+    if weights.min() < 0:
+        raise InputError(f"body: weights must be 0 or more; the least is {weights.min():.1e}")
 
 
 @dataclass(frozen=True, kw_only=True)

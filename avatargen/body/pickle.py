@@ -5,7 +5,7 @@ and nothing else, each to an inert stand-in or a guarded copy, so the program ca
 even that can ask for any amount of memory or time, it runs in a subprocess with limits on both, which writes
 the arrays as .npz for the parent to read and check:
 
-    python -m avatargen.body.pickle model.pkl model.npz
+    python -m avatargen.body.pickle model.pkl model.npz v_template f ...
 """
 
 import os
@@ -13,6 +13,7 @@ import pickle
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,34 +27,35 @@ MEMORY_LIMIT_BYTES = 1 << 30  # SMPL-X with 400 shapes takes two thirds of it
 TIME_LIMIT_SECONDS = 120
 
 
-def convert_pickle(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of an SMPL-like pickle, read in a subprocess under memory and time limits.
+def convert_pickle(path: Path, keys: tuple[str, ...], what: str) -> dict[str, np.ndarray]:
+    """The arrays under these keys of a pickle that holds a mapping, those that it has, read in a subprocess
+    under memory and time limits.
 
     Raises:
         InputError: the file is missing, too large, no such pickle, asks for code, or goes over a limit.
     """
     if not path.is_file():
-        raise InputError(f"body: cannot read {path}; check the path")
+        raise InputError(f"{what}: cannot read {path}; check the path")
     if path.stat().st_size > MAX_PICKLE_BYTES:
         raise InputError(
-            f"body: {path} has {path.stat().st_size:.3g} bytes; at most {MAX_PICKLE_BYTES:.3g} are read"
+            f"{what}: {path} has {path.stat().st_size:.3g} bytes; at most {MAX_PICKLE_BYTES:.3g} are read"
         )
     with tempfile.TemporaryDirectory(prefix="avatargen-pickle-") as folder:
-        target = Path(folder) / "body.npz"
-        error = run_limited(path.resolve(), target)
+        target = Path(folder) / "arrays.npz"
+        error = run_limited(path.resolve(), target, *keys)
         if error is not None:
             raise InputError(
-                f"body: {path} was not read: {error}; convert it to .npz if it is yours to trust"
+                f"{what}: {path} was not read: {error}; convert it to .npz if it is yours to trust"
             )
-        return read_npz(target, KEYS, what="body")
+        return read_npz(target, keys, what=what)
 
 
-def run_limited(source: Path, target: Path, module: str = "avatargen.body.pickle") -> str | None:
+def run_limited(source: Path, target: Path, *keys: str, module: str = "avatargen.body.pickle") -> str | None:
     """Convert in a subprocess that runs a module; None, or what went wrong in one line."""
     root = Path(__file__).resolve().parents[2]
     # each of numpy's threads takes memory as it loads, before any limit but this could be set
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(root)}
-    command = [sys.executable, "-m", module, str(source), str(target)]
+    command = [sys.executable, "-m", module, str(source), str(target), *keys]
     try:
         done = subprocess.run(
             command,
@@ -148,8 +150,8 @@ class ArrayUnpickler(pickle.Unpickler):
         return ALLOWED[module, name]
 
 
-def read_pickle(path: Path) -> dict[str, np.ndarray]:
-    """The arrays under `KEYS` of an SMPL-like pickle, dense. Call it only under limits: see `convert_pickle`.
+def read_pickle(path: Path, keys: Sequence[str] = KEYS) -> dict[str, np.ndarray]:
+    """The arrays under these keys of a pickle, dense. Call it only under limits: see `convert_pickle`.
 
     Raises:
         pickle.UnpicklingError: the pickle asks for anything but arrays, or holds no mapping.
@@ -158,15 +160,17 @@ def read_pickle(path: Path) -> dict[str, np.ndarray]:
         content = ArrayUnpickler(stream, encoding="latin1").load()
     if not isinstance(content, dict):
         raise pickle.UnpicklingError(f"it holds a {type(content).__name__}, not a mapping of arrays")
-    return {key: dense(content[key], key) for key in KEYS if key in content}
+    return {key: dense(content[key], key) for key in keys if key in content}
 
 
 def dense(value: object, key: str) -> np.ndarray:
-    """A plain numeric array from an array, a chumpy array or a sparse matrix."""
+    """A plain numeric array from an array, a number, a chumpy array or a sparse matrix."""
     if isinstance(value, ChumpyArray):
         value = getattr(value, "x", None)
     if isinstance(value, SparseColumns):
         value = dense_from_columns(value)
+    if isinstance(value, int | float | np.generic):
+        value = np.asarray(value)
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
         raise pickle.UnpicklingError(f"{key} is no array of numbers")
     return np.ascontiguousarray(value)
@@ -201,10 +205,10 @@ def limit_resources() -> None:
 
 def main() -> int:
     """The subprocess: 0 when the .npz is written, 2 with one line on standard error otherwise."""
-    source, target = map(Path, sys.argv[1:])
+    source, target = map(Path, sys.argv[1:3])
     try:
         limit_resources()
-        np.savez(target, **read_pickle(source))  # pyright: ignore
+        np.savez(target, **read_pickle(source, sys.argv[3:]))  # pyright: ignore
     except Exception as error:  # noqa: BLE001  a hostile pickle may raise anything; the parent reports the line
         sys.stderr.write(f"{type(error).__name__}: {error}"[:300].replace("\n", " ") + "\n")
         return 2

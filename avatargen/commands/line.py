@@ -7,6 +7,8 @@ interrupted or terminated, nothing written.
 import argparse
 import atexit
 import codecs
+import contextlib
+import errno
 import io
 import os
 import signal
@@ -81,7 +83,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
         if reason is None:
             raise
         discard_output()
-        message = f"cannot print to standard output: {reason}; give it room, or send it elsewhere"
+        message = f"cannot print: {reason}; give the output room, or send it elsewhere"
         return complain(program, message, status=2)
     return 0
 
@@ -90,16 +92,27 @@ def open_streams() -> None:
     """Open the standard streams that the process was started without, as services are, on nothing: else the
     next file opened would take their place. Names of files are printed as the bytes that they are."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the lowest number that is free
+        if not is_open(number):
+            nothing = os.open(os.devnull, os.O_RDWR)
+            os.dup2(nothing, number)
+            if nothing > 2:
+                os.close(nothing)
+            os.set_inheritable(number, True)
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
     codecs.register_error("filename", bytes_of_names)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="filename")
+
+
+def is_open(number: int) -> bool:
+    """Whether there is a stream of that number; one that is only read from is none to write to."""
+    try:
+        os.write(number, b"") if number else os.fstat(number)
+    except OSError as error:
+        return error.errno != errno.EBADF  # one without room is there
+    return True
 
 
 def bytes_of_names(error: UnicodeError) -> tuple[bytes | str, int]:
@@ -113,12 +126,13 @@ def bytes_of_names(error: UnicodeError) -> tuple[bytes | str, int]:
 
 
 def output_error() -> str | None:
-    """Why standard output takes no more, or None where it does."""
-    try:
-        sys.stdout.flush()
-        os.write(sys.stdout.fileno(), b"\n")
-    except OSError as error:
-        return error.strerror or str(error)
+    """Why standard output or standard error takes no more, or None where both do."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+            os.write(stream.fileno(), b"\n")
+        except OSError as error:
+            return error.strerror or str(error)
     return None
 
 
@@ -157,7 +171,8 @@ def terminate(signum: int, frame: object) -> NoReturn:
 
 
 def complain(program: str, message: str, status: int) -> int:
-    print(f"{program}: {' '.join(message.split())}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # where standard error takes no more, the status tells
+        print(f"{program}: {' '.join(message.split())}", file=sys.stderr)
     return status
 
 

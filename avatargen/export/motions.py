@@ -6,6 +6,7 @@ from assets import Asset
 from assets.asset.animate import figure_of
 from avatargen.errors import InputError
 from avatargen.export.request import ExportRequest
+from avatargen.motion.amass import in_ranges, load_motion, motion_name
 from avatargen.motion.motion import Motion, in_place, mirrored, retimed
 
 
@@ -15,14 +16,12 @@ def load_motions(request: ExportRequest) -> tuple[Motion, ...]:
     Raises:
         InputError: a file is no motion, or two animations would have one name.
     """
-    names = [*request.clips, *(path.stem for path in request.motions)]
+    names = [*request.clips, *map(motion_name, request.motions)]
     if len(set(names)) < len(names):
         raise InputError(f"found animations {', '.join(names)}; give each once, and files names of their own")
     if not request.motions:
         return ()
-    from avatargen.motion.amass import load_motion
-
-    return tuple(load_motion(path) for path in request.motions)
+    return tuple(load_motion(path, request.motion_up) for path in request.motions)
 
 
 def finish_motions(request: ExportRequest, files: Sequence[Motion], asset: Asset) -> tuple[Motion, ...]:
@@ -54,8 +53,6 @@ def tell_of_bad_frames(motions: Sequence[Motion]) -> list[str]:
     bad = [motion for motion in motions if motion.bad_frames]
     if not bad:
         return []
-    from avatargen.motion.amass import in_ranges
-
     return [
         f"{motion.name}: {len(motion.bad_frames)} bad frames, filled from their neighbours: "
         f"{in_ranges(motion.bad_frames)}"

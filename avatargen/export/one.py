@@ -16,7 +16,7 @@ from assets.asset.levels import with_levels
 from assets.asset.names import rename_joints
 from assets.build_config import BuildConfig
 from assets.pipeline import Progress, build_content
-from avatargen.atomic import check_writable, write_together
+from avatargen.atomic import check_writable, different_targets, write_together
 from avatargen.body.pose import load_pose
 from avatargen.errors import InputError
 from avatargen.export.fitting import build_fitted
@@ -103,9 +103,7 @@ def export_avatar(request: ExportRequest, progress: Progress = silent, elapsed: 
         raise InputError("export_avatar: found many seeds or a dry run, wanted one seed; see export_many")
     watch = Stopwatch(progress, elapsed, {"import": elapsed})
     path = request.path_of(request.seeds)
-    for output in (*files_of(path, request.encoding), request.report, request.preview):
-        if output is not None:
-            check_writable(output)
+    check_outputs(request, path)
     with watch.stage("load"):
         workshop = open_workshop(request)
     made = make_avatar(workshop, request.seeds, watch)
@@ -125,6 +123,18 @@ def export_avatar(request: ExportRequest, progress: Progress = silent, elapsed: 
         files.append((request.report, json.dumps(report, indent=2).encode() + b"\n"))
     write_together(files)
     return Exported(path=path, made=made, bytes=size, seconds=total)
+
+
+def check_outputs(request: ExportRequest, path: Path) -> None:
+    """Raises InputError where a file cannot be written, or is another one of them or one that is read."""
+    outputs = [*files_of(path, request.encoding), request.report, request.preview]
+    outputs = [output for output in outputs if output is not None]
+    for output in outputs:
+        check_writable(output)
+    targets = different_targets(outputs)
+    for source in (request.weights, request.body, request.pose_file, *request.motions):
+        if source is not None and source.resolve() in targets:
+            raise InputError(f"cannot write {source}: it is read as well; give another --out or --report")
 
 
 def open_workshop(request: ExportRequest) -> Workshop:

@@ -49,6 +49,7 @@ def make_report(
         "faces": len(asset.faces),
         "levels": level_facts(made),
         "bytes": size,
+        "axes": request.encoding.axes,
         "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
         "error_mm": report.error.facts(),
         "missed_mm": report.missed.facts() if report.missed else None,

@@ -56,6 +56,7 @@ class ExportRequest:
     motions: tuple[Path, ...] = ()  # AMASS-style files, .npz
     fps: float = 30.0  # of the animations
     speed: float = 1.0  # of the animations: 2 plays them in half the time
+    motion_up: Literal["y", "z"] | None = None  # the upward axis of the files; None: what each one tells
     mirror: bool = False  # left and right of the animations
     in_place: bool = False  # animations over one spot
     # what: the file
@@ -144,6 +145,13 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
         )
     if request.levels and not wanted.levels:
         raise InputError("found --lods, but this format holds one level of detail; choose glb or gltf")
+    if request.motion_up is not None and not request.motions:
+        raise InputError("found --motion-up without a motion; give --motion too")
+    played = request.fps != 30.0 or request.speed != 1.0 or request.mirror or request.in_place
+    if played and not (request.clips or request.motions):
+        raise InputError(
+            "found --fps, --speed, --mirror or --in-place without an animation; give --clip or --motion too"
+        )
     moves = request.clips or request.motions or build.morphs or build.ends or request.names != "smpl"
     if build.content != "rigged" and moves:
         raise InputError(

@@ -6,6 +6,7 @@ from typing import Any
 from assets.build_config import BuildConfig
 from assets.content import CONTENTS
 from assets.scenes import find_scene
+from avatargen.errors import InputError
 from avatargen.export.request import require_map
 from exporters import find_format
 
@@ -22,6 +23,13 @@ def settings_for(scene_name: str, format_name: str, **given: Any) -> BuildConfig
     """
     scene, wanted = find_scene(scene_name), find_format(f"avatar.{format_name}")
     content = given.get("content") or min(scene.content, wanted.content, key=CONTENTS.index)
+    if content != "rigged":
+        for name, left in (("joints", scene.joints), ("bones", "along")):
+            if given.get(name, left) != left:
+                raise InputError(
+                    f"found --{name} {given[name]}, but what is made holds no skeleton ({content}); leave "
+                    "it out, or choose glb, vrm or usdz and a scene that moves"
+                )
     held = () if content == "mesh" else wanted.maps
     for name, kind in MAPS.items():
         require_map(f"--{name.replace('_', '-')}", given.get(name), kind in held)

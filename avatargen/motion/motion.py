@@ -27,6 +27,7 @@ class Motion:
     times: Float64[np.ndarray, " T"]  # seconds
     rotations: Float64[np.ndarray, "T J 4"]
     translation: Float64[np.ndarray, "T 3"]  # of the pelvis from its place in the T-pose, metres
+    leg: float | None = None  # metres from hip to knee to ankle of who moved; None: who is to move
     bad_frames: tuple[int, ...] = ()  # of the file: they held no motion and were filled from their neighbours
 
     def __post_init__(self) -> None:

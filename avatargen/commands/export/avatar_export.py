@@ -18,8 +18,10 @@ from avatargen.errors import AvatarGenError
 if TYPE_CHECKING:
     from avatargen.export.manifest import Row
     from avatargen.export.one import Exported
+    from avatargen.export.report import Made
     from avatargen.export.request import ExportRequest
 
+FEW_FACES = 0.98  # of those wanted: fewer are told of
 STARTED = time.perf_counter()
 
 
@@ -62,8 +64,20 @@ def export_seed(request: "ExportRequest", show: Show) -> tuple[str, Path]:
     from avatargen.export.motions import tell_of_bad_frames
 
     exported = avatargen.export_avatar(request, show, elapsed=process_seconds())
-    lines = [*tell_of_bad_frames(exported.made.motions), closing_line(request, exported)]
+    made = exported.made
+    lines = [*tell_of_bad_frames(made.motions), *tell_of_few_faces(made), closing_line(request, exported)]
     return "\n".join(lines), exported.path
+
+
+def tell_of_few_faces(made: "Made") -> list[str]:
+    """A line where the surface has not as many faces as were wanted."""
+    wanted, found = made.settings.faces, len(made.asset.faces)
+    if wanted is None or found >= FEW_FACES * wanted:
+        return []
+    resolution = made.settings.resolution
+    return [
+        f"found {found:,} faces at resolution {resolution}, wanted {wanted:,}; raise --resolution for more"
+    ]
 
 
 def closing_line(request: "ExportRequest", exported: "Exported") -> str:
@@ -74,6 +88,7 @@ def closing_line(request: "ExportRequest", exported: "Exported") -> str:
         f"{path}: {exported.bytes / 1e6:.1f} MB, {len(made.asset.faces):,} faces, {exported.seconds:.1f} s, "
         f"error {error.mean_mm:.3f} mm mean, {error.p99_mm:.2f} mm p99"
         + (f", in the {rest_pose.upper()}-pose that {path.suffix} wants" if rest_pose else "")
+        + (f", in {request.encoding.axes}, as slicers take it" if request.encoding.for_slicers else "")
     )
 
 

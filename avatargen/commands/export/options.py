@@ -289,7 +289,12 @@ def add_animation_options(group: _ArgumentGroup) -> None:
         action="append",
         type=Path,
         metavar="FILE.npz",
-        help="add an animation from an AMASS-style file; may be repeated",
+        help="add an animation from an AMASS-style file, .npz or .pkl; may be repeated",
+    )
+    add(
+        "--motion-up",
+        choices=("y", "z"),
+        help="upward axis of the motion files; left out, the one along which people stand in them",
     )
     add("--fps", type=positive_number(1000.0), metavar="N", help="frames a second (default: 30)")
     add("--speed", type=positive_number(100.0), metavar="X", help="how fast to play (default: 1)")
@@ -388,6 +393,7 @@ def make_request(options: Namespace) -> "ExportRequest":
     from assets.build_config import BuildConfig
     from avatargen.export.request import ExportRequest
     from avatargen.export.settings import settings_for
+    from exporters import find_format
     from exporters.encoding import Encoding
 
     options.seeds = options.seed if options.seeds is None else options.seeds
@@ -397,9 +403,14 @@ def make_request(options: Namespace) -> "ExportRequest":
         options.pose = options.pose.lower()
     elif options.pose is not None:
         options.pose, options.pose_file = None, Path(options.pose)
+    units = find_format(f"avatar.{options.format}").units
     return ExportRequest(
         build=settings_for(options.scene, options.format, **given(BuildConfig, options)),
-        encoding=Encoding(pictures=options.texture_format or "png", quantize=options.compress == "quantize"),
+        encoding=Encoding(
+            pictures=options.texture_format or "png",
+            quantize=options.compress == "quantize",
+            for_slicers=SCENES[options.scene].for_slicers and not units,
+        ),
         **given(ExportRequest, options),
     )
 

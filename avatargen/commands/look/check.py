@@ -52,7 +52,7 @@ def judges_of(path: Path) -> dict[str, Judge]:
         InputError: no judge knows the format.
     """
     suffix = path.suffix.lower()
-    if suffix in (".glb", ".gltf", ".vrm"):
+    if suffix in (".glb", ".gltf", ".vrm", ".vrma"):
         from exporters.check_gltf import check_gltf
         from exporters.check_vrm import check_vrm
 
