@@ -78,7 +78,7 @@ def test_a_step_draws_the_same_people_again_and_others_the_next(stream: Stream):
 
     assert torch.equal(first.target.sdf, again.target.sdf) and torch.equal(first.places.p, again.places.p)
     assert not torch.equal(first.people.z, other.people.z)
-    assert first.betas.abs().max() <= 2.8
+    assert first.betas.abs().max() <= 3  # 2.8 before a body is brought to its stature
 
 
 def test_kept_points_are_distinct_and_near_the_surface():
