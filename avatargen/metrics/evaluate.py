@@ -14,6 +14,7 @@ Letters: N pictures, r raw size, S final size, J joints.
 import copy
 import time
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -21,7 +22,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from avatargen.body.model import Body
-from avatargen.data.dataset import Pictures
+from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.data.mirror import partners
 from avatargen.errors import InputError
 from avatargen.generator.camera import camera_of_vector
@@ -152,6 +153,29 @@ def evaluate(
         left_out=tuple(name for name, number in numbers.items() if number is None),
         seconds=seconds,
     )
+
+
+def data_and_reference(data: Path, reference: Path | None, size: int) -> tuple[Pictures, Pictures]:
+    """Held-out pictures and others to compare with; without others, the halves of the held-out ones.
+
+    Raises:
+        InputError: a folder holds no data set, or one picture where it is to be divided.
+    """
+    pictures = open_pictures(data, size)
+    return halves(pictures) if reference is None else (pictures, open_pictures(reference, size))
+
+
+def halves(pictures: Pictures) -> tuple[Pictures, Pictures]:
+    """A set alone in two: pictures to measure with, and others that stand for a reference. Labels hold each
+    person's pictures in a row, so at most one person is in both.
+
+    Raises:
+        InputError: it has one picture.
+    """
+    if len(pictures) < 2:
+        raise InputError(f"eval: {pictures.folder} has one picture; give --reference or a larger set")
+    middle = len(pictures) // 2
+    return pictures.part(slice(middle, None)), pictures.part(slice(middle))
 
 
 def finer(generator: AvatarGenerator, samples: int) -> AvatarGenerator:

@@ -31,6 +31,7 @@ from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import GeneratorConfig
 from avatargen.generator.decoder import BodyPoints, fit_reach
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.run_folder import claim, cut_log, digest_arrays
 from avatargen.training.learn_traits import learn_traits
 from avatargen.training.orbit import orbit_cameras
 from avatargen.training.pool import cached_pool, hangs
@@ -42,6 +43,8 @@ from avatargen.wardrobe.person import dress_up
 from avatargen.wardrobe.stature import Sizing
 
 OFF_BODY = 0.02  # m from the body where vertex features and the densest part of the pool end
+# how long to train and how often to tell of it; the learning rate falls by the length that is given last
+MAY_CHANGE = tuple(f"training.{name}" for name in ("steps", "save_every", "report_every"))
 HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
 
 
@@ -320,14 +323,19 @@ def train(
     `report` takes a progress line now and then.
 
     Writes `generator.safetensors` (the averaged weights), `state.pt` to continue from, `log.jsonl` with
-    held-out errors, `config.json`, and `pool.npz`, which any run on the same body may share.
+    held-out errors, `config.json`, and `pool.npz`, which any run of the same pool, seed and body may share.
+
+    Raises:
+        InputError: the folder holds another run, or a pool of another.
+        TrainingError: the loss is not finite, or the saved state is damaged.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    write_atomically(out / "config.json", json.dumps(asdict(config), indent=1).encode())
+    settings = describe(generator_config, config, body, coarser)
+    claim(out, "config.json", settings, "warm start", made=["state.pt"], free=MAY_CHANGE)
     stream = Stream(cached_pool(out / "pool.npz", body, config.pool, config.seed), config, body)
     state = new_state(generator_config, config, body, coarser)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
+        cut_log(out / "log.jsonl", "step", state.step, "warm start")
     elif coarser is None and config.trait_steps:
         learn_traits(state.generator.mapping, config.trait_steps, config.seed, report)
         state.average.mapping.load_state_dict(state.generator.mapping.state_dict())
@@ -340,14 +348,30 @@ def train(
             recent = []
         if state.step % config.save_every == 0 or state.step == config.steps:
             errors = held_out(state.average, stream, config)
-            save_state(state, out / "state.pt")
-            finish(state, config, errors, out / "generator.safetensors")
-            with (out / "log.jsonl").open("a") as log:
+            with (out / "log.jsonl").open("a") as log:  # before the state: a line behind it is cut off
                 log.write(
                     json.dumps({"step": state.step, "people": state.step * config.people, **asdict(errors)})
                     + "\n"
                 )
+            save_state(state, out / "state.pt")
+            finish(state, config, errors, out / "generator.safetensors")
     return errors
+
+
+def describe(
+    networks: GeneratorConfig,
+    config: WarmStartConfig,
+    body: CanonicalBody,
+    coarser: dict[str, Tensor] | None,
+) -> dict[str, Any]:
+    """All that a run depends on, as it is written beside it."""
+    start = coarser and digest_arrays({name: value.numpy() for name, value in coarser.items()})
+    return {
+        "training": asdict(config),
+        "generator": asdict(networks),
+        "body": digest_arrays(vars(body.source)),
+        "start": start,
+    }
 
 
 def finish(state: State, config: WarmStartConfig, errors: Errors, path: Path) -> None:
