@@ -41,6 +41,7 @@ from avatargen.metrics.features import Features, all_features
 from avatargen.metrics.frechet import distance_error, frechet_distance
 from avatargen.metrics.joints import JointEstimator, fit_joints, true_joints
 from avatargen.metrics.warp import warp_error
+from avatargen.ranges import MANY, require_ranges
 
 RESAMPLES = 1000
 MOST_REFERENCES = 2000
@@ -90,6 +91,7 @@ class EvalConfig:
     samples: int | None = 48  # along rays: with 12, surfaces are seen 4 mm too far; none: the generator's
 
     def __post_init__(self) -> None:
+        require_ranges(self, "eval", {"seed": (0, MANY), "samples": (2, 4096)})
         if self.pictures < 20:
             raise InputError(f"eval: {self.pictures} pictures say nothing; take 20 or more")
 
@@ -114,6 +116,7 @@ def evaluate(
     for pictures in (data, reference):
         if not pictures.labels.may_be_of(generator.config.body_hash):
             raise InputError(f"eval: the labels in {pictures.folder} are of another body than the weights")
+    has_depth = data.path("depth", 0).exists()
     started = time.perf_counter()
     count = min(config.pictures, len(data))
     chosen = torch.randperm(len(data), generator=torch.Generator().manual_seed(config.seed))[:count]
@@ -131,7 +134,6 @@ def evaluate(
         others_joints = true_joints(reference, surface.body, spread.numpy())
         joints = fit_joints(others, others_joints, partners(surface.body.joint_names))
     truth = true_joints(data, surface.body, chosen.numpy())
-    has_depth = data.path("depth", 0).exists()
     numbers = {
         name: distance(made, real),
         "depth (mm)": interval(depth_errors(seen, data, chosen)) if has_depth else None,

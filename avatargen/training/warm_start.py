@@ -26,11 +26,12 @@ from torch import Tensor
 
 from avatargen.atomic import write_atomically
 from avatargen.body.model import CanonicalBody
-from avatargen.errors import TrainingError
+from avatargen.errors import InputError, TrainingError
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import GeneratorConfig
 from avatargen.generator.decoder import BodyPoints, fit_reach
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.ranges import MANY, Range, require_ranges
 from avatargen.run_folder import claim, cut_log, digest_arrays
 from avatargen.training.learn_traits import learn_traits
 from avatargen.training.orbit import orbit_cameras
@@ -46,6 +47,32 @@ OFF_BODY = 0.02  # m from the body where vertex features and the densest part of
 # how long to train and how often to tell of it; the learning rate falls by the length that is given last
 MAY_CHANGE = tuple(f"training.{name}" for name in ("steps", "save_every", "report_every"))
 HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
+
+
+RANGES: dict[str, Range] = {
+    "steps": (0, MANY),
+    "trait_steps": (0, MANY),
+    "people": (1, 100_000),
+    "points": (1, 1_000_000),
+    "candidates": (1, 1000),
+    "skirts": (0, 1),
+    "searched": (1, 1_000_000),
+    "learning_rate": (1e-12, 10),
+    "final_learning_rate": (0, 1),
+    "field_rate": (1e-6, 1e6),
+    "warm_up": (0, MANY),
+    "averaging": (0, 1),
+    "distance_unit": (1e-6, 1e6),
+    "colour_weight": (0, 1e6),
+    "betas_weight": (0, 1e6),
+    "band": (1e-6, 10),
+    "colour_band": (1e-6, 10),
+    "pool": (1000, 100_000_000),
+    "seed": (0, MANY),
+    "held_out_batches": (1, MANY),
+    "save_every": (1, MANY),
+    "report_every": (1, MANY),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +103,17 @@ class WarmStartConfig:
     held_out_batches: int = 8
     save_every: int = 250
     report_every: int = 25
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "warm start", RANGES)
+        wanted = self.points * self.candidates // 2  # half of a person's points, where cloth hangs free
+        if self.searched < wanted:
+            raise InputError(
+                f"warm start: found searched {self.searched}, wanted {wanted} or more, half of points times "
+                "candidates; raise it or lower them"
+            )
+        if self.people * self.points * self.candidates > MANY:
+            raise InputError("warm start: people, points and candidates make too many; lower one of them")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 from avatargen.metrics.evaluate import EvalConfig
 
 PROGRAM = "avatargen eval"
@@ -36,10 +36,7 @@ class Options:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
 from avatargen.metrics.evaluate import EvalConfig
 
@@ -54,10 +54,7 @@ class Row:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:

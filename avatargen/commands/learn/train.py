@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
 from avatargen.training.adversarial_config import PRESETS, AdversarialConfig
 
@@ -42,8 +42,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def parse(words: list[str]) -> Options:
     """The options, with the preset named among them as the default of every other setting."""
-    import tyro
-
     chosen = PRESETS[preset_of(words)]
 
     def options(
@@ -75,7 +73,7 @@ def parse(words: list[str]) -> Options:
             dry_run=dry_run,
         )
 
-    return tyro.cli(options, prog=PROGRAM, args=words)
+    return parse_options(PROGRAM, options, words)
 
 
 def preset_of(words: list[str]) -> str:
