@@ -44,7 +44,7 @@ FLOORS = {
     "avatargen": (
         "errors shadow",
         "atomic avatar_info compiled eight_bits shipped threads",
-        "mesh ranges run_folder",
+        "extras mesh ranges run_folder",
         "body",
         "motion wardrobe",
         "generator",

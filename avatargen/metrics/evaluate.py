@@ -25,6 +25,7 @@ from avatargen.body.model import Body
 from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.data.mirror import partners
 from avatargen.errors import InputError
+from avatargen.extras import require_extra
 from avatargen.generator.camera import camera_of_vector
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface, Picture, make_people, picture_people
@@ -96,6 +97,18 @@ class EvalConfig:
             raise InputError(f"eval: {self.pictures} pictures say nothing; take 20 or more")
 
 
+def holds_depth(data: Pictures) -> bool:
+    """Whether true depth lies beside the pictures, against which clothes are measured as rays see the body.
+
+    Raises:
+        InputError: it does, and there is nothing to follow rays with.
+    """
+    if not data.path("depth", 0).exists():
+        return False
+    require_extra("embreex")
+    return True
+
+
 def evaluate(
     generator: AvatarGenerator,
     surface: CanonicalSurface,
@@ -116,7 +129,7 @@ def evaluate(
     for pictures in (data, reference):
         if not pictures.labels.may_be_of(generator.config.body_hash):
             raise InputError(f"eval: the labels in {pictures.folder} are of another body than the weights")
-    has_depth = data.path("depth", 0).exists()
+    has_depth = holds_depth(data)
     started = time.perf_counter()
     count = min(config.pictures, len(data))
     chosen = torch.randperm(len(data), generator=torch.Generator().manual_seed(config.seed))[:count]

@@ -100,6 +100,7 @@ def run(options: Options) -> None:
     from avatargen.atomic import check_writable, write_together
     from avatargen.commands.bench import plot
     from avatargen.commands.bench.curves import curves
+    from avatargen.extras import require_extra
 
     if not options.seeds:
         raise InputError("found no seeds to measure; give one or more")
@@ -107,7 +108,7 @@ def run(options: Options) -> None:
     if options.scenes:
         run_scenes(options)
         return
-    plot.require_matplotlib()
+    require_extra("matplotlib")
     options.out.mkdir(parents=True, exist_ok=True)
     check_writable(options.out / "bench.json")
     grid = QUICK if options.quick else options.grid

@@ -42,9 +42,11 @@ def run(options: Options) -> None:
     from avatargen.avatar import training_body
     from avatargen.commands.learn.train import accelerator_for
     from avatargen.data.dataset import open_pictures
+    from avatargen.extras import require_extra
     from avatargen.metrics.ablations import run_ablations, table
     from avatargen.training.adversarial_config import PRESETS
 
+    require_extra("accelerate", "embreex")
     base = PRESETS[options.preset]
     base = base if options.images is None else replace(base, images=options.images)
     size = base.render.image_size

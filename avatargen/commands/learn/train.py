@@ -94,6 +94,7 @@ def run(options: Options) -> None:
     """Open the data, load the weights to start from, and train."""
     from avatargen.avatar import shipped, training_body
     from avatargen.data.dataset import open_pictures
+    from avatargen.extras import require_extra
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.training.adversarial import train
 
@@ -101,6 +102,7 @@ def run(options: Options) -> None:
     if options.dry_run:
         print(config)
         return
+    require_extra("accelerate")
     pictures = open_pictures(options.data, config.render.image_size)
     path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
     accelerator = accelerator_for(config)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from avatargen.atomic import check_writable
 from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
 from avatargen.errors import InputError
+from avatargen.extras import require_extra
 
 if TYPE_CHECKING:
     from assets.asset.asset import PlainAsset
@@ -134,6 +135,8 @@ def check_output(path: Path | None, suffixes: Sequence[str]) -> None:
         return
     if path.suffix.lower() not in suffixes:
         raise InputError(f"found {path}; give a name that ends in {' or '.join(suffixes)}")
+    if path.suffix.lower() == ".mp4":
+        require_extra("av")
     check_writable(path)
 
 
