@@ -3,7 +3,7 @@
     AvatarGenError
     ├── InputError      a bad argument, option or file from the user (also a ValueError)
     ├── FieldError      a field gave NaN or infinity
-    ├── TrainingError   training diverged or its run folder is inconsistent
+    ├── TrainingError   training diverged, or its state is damaged or of other networks
     └── assets.errors.GeometryError   a mesh or field has no usable surface
 
 Messages are one sentence each: what was found, what was wanted, what to do. Only the command line turns
@@ -24,4 +24,4 @@ class FieldError(AvatarGenError):
 
 
 class TrainingError(AvatarGenError):
-    """Training diverged, or its run folder does not fit the command."""
+    """Training diverged, or what it continues from is damaged or of other networks."""

@@ -3,13 +3,13 @@
 import io
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from importlib.util import find_spec
 
 import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
 from avatargen.errors import InputError
+from avatargen.extras import require_extra
 
 PALETTE = 255  # colours of a GIF; the one left over is for what is transparent
 SAMPLE = 8  # frames whose colours choose the palette
@@ -62,8 +62,7 @@ def encode_mp4(frames: Frames, seconds: float) -> bytes:
     Raises:
         InputError: PyAV is not installed, or the pictures are transparent, which MP4 does not know.
     """
-    if find_spec("av") is None:
-        raise InputError("found no av, which writes .mp4; install it with pip install 'avatargen[film]'")
+    require_extra("av")
     if frames[0].shape[2] != 3:
         raise InputError("an .mp4 holds no transparency; leave --transparent out, or write .webp")
     import av

@@ -21,6 +21,7 @@ from assets.asset.posed import world_rotations
 from assets.asset.rig import Skeleton
 from assets.texture.normal_map import NormalMap
 from avatargen.body.pose import named_pose
+from avatargen.eight_bits import eight_bits
 from avatargen.errors import InputError
 from exporters.glb import WEBP
 from exporters.quantize import EXTENSION as QUANTIZED
@@ -245,7 +246,7 @@ def read_picture(document: Document, texture_info: Any) -> UInt8[np.ndarray, "S 
             )
             if picture.width != picture.height or picture.width > MOST_TEXELS:
                 raise ValueError(f"the texture is {picture.width} x {picture.height}")
-            return np.asarray(picture.convert("RGB"))
+            return np.asarray(eight_bits(picture).convert("RGB"))
     except (UnidentifiedImageError, OSError, SyntaxError, Image.DecompressionBombError, Warning) as error:
         raise ValueError(f"the texture is damaged: {error}") from error
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from torch.nn import functional as F
 from avatargen.body.model import canonical_body
 from avatargen.commands.main import main
 from avatargen.data.dataset import Pictures, open_pictures
-from avatargen.errors import TrainingError
+from avatargen.errors import InputError, TrainingError
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig, body_hash
 from avatargen.generator.density import Density
@@ -231,18 +232,24 @@ def test_gradients_that_explode_or_are_none_stop_the_run_and_keep_the_checkpoint
 
     (out / "state.pt").write_bytes(kept["state.pt"])
     tight = replace(CONFIG, images=8, optimizer=replace(CONFIG.optimizer, largest_gradient=1e-9))
-    (out / "config.json").unlink()
-    with pytest.raises(TrainingError, match="lower the learning rates"):
+    with pytest.raises(InputError, match=r"training.optimizer.largest_gradient 10000.0, now 1e-09"):
         small_run(folder / "data", out, tight)
+    with pytest.raises(TrainingError, match="lower the learning rates"):
+        small_run(folder / "data", folder / "tight", tight)
     assert (out / "state.pt").read_bytes() == kept["state.pt"]
 
 
 def test_a_folder_keeps_one_run(folder: Path):
     out = folder / "mine"
     small_run(folder / "data", out, replace(CONFIG, images=2))
-    with pytest.raises(TrainingError, match="another training"):
+    with pytest.raises(InputError, match=r"training\.seed 0, now 1;"):
         small_run(folder / "data", out, replace(CONFIG, seed=1))
     small_run(folder / "data", out, replace(CONFIG, images=4))  # longer is the same run
+    shutil.copytree(folder / "data", folder / "moved")
+    small_run(folder / "moved", out, replace(CONFIG, images=4))  # the same pictures elsewhere
+    shutil.copyfile(folder / "data" / "images" / "1.png", folder / "moved" / "images" / "0.png")
+    with pytest.raises(InputError, match=r"data\.contents has other contents"):
+        small_run(folder / "moved", out, replace(CONFIG, images=4))
     (out / "state.pt").write_bytes(b"damaged")
     with pytest.raises(TrainingError, match="cannot be continued"):
         small_run(folder / "data", out, replace(CONFIG, images=4))

@@ -13,6 +13,8 @@ from avatargen.body.model import pose, shape
 from avatargen.body.pose import named_pose
 from avatargen.body.skinning import skin
 from avatargen.errors import InputError
+from avatargen.motion.legs import leg_length
+from avatargen.motion.retarget import retarget
 from tests.bodies import capsule_body
 from tests.figures import BETAS, posed_by, random_motion, skeleton_at
 from tests.tube import tube
@@ -135,18 +137,16 @@ def test_an_animation_checks_itself(change: dict) -> None:
         replace(found, **change)
 
 
-def test_the_way_of_another_person_is_scaled_with_the_legs() -> None:
-    """So that feet which stand still in the file stand still here; one's own way stays."""
-    skeleton, motion = skeleton_at(np.zeros((24, 3))), random_motion()
-    names = skeleton.joint_names
-    place = dict(zip(names, skeleton.joints, strict=True))
-    legs = [
-        np.linalg.norm(place[f"{side}_{lower}"] - place[f"{side}_{upper}"])
-        for side in ("left", "right")
-        for upper, lower in (("hip", "knee"), ("knee", "ankle"))
-    ]
-    leg = float(sum(legs) / 2)
-    own, other = (animation_of(skeleton, replace(motion, leg=each)) for each in (None, leg / 2))
-    np.testing.assert_array_equal(own.root, skeleton.joints[0] + motion.translation)
-    np.testing.assert_allclose(other.root, skeleton.joints[0] + 2 * motion.translation, rtol=1e-9)
-    np.testing.assert_array_equal(own.rotations, other.rotations)
+def test_another_persons_motion_becomes_the_figures_own() -> None:
+    """Its way is scaled with the legs, so that feet which stand still there stand still here; one's own way
+    stays."""
+    asset, motion = person(), random_motion(30)
+    theirs = replace(motion, leg=0.5)
+    own, other = (animate(asset, [each], on_ground=False).animations[0] for each in (motion, theirs))
+    figure = figure_of(asset)
+    length = sum(leg_length(figure, side) for side in ("left", "right")) / 2
+    np.testing.assert_allclose(own.root, asset.skeleton.joints[0] + motion.translation, rtol=1e-12)
+    scaled = asset.skeleton.joints[0] + motion.translation * length / 0.5
+    np.testing.assert_allclose(other.root, scaled, rtol=1e-9)
+    made = animation_of(asset.skeleton, retarget(theirs, figure))
+    np.testing.assert_array_equal(other.rotations, made.rotations)

@@ -22,9 +22,12 @@ from avatargen.data.dataset import open_pictures
 from avatargen.data.joints import projected_joints
 from avatargen.data.keypoints import keypoints_of, read_keypoints
 from avatargen.data.labels import read_labels
+from avatargen.data.mask import mask_of
+from avatargen.data.names import given_to, without_suffix
 from avatargen.data.photograph import Settings
 from avatargen.data.prepare import Sources, prepare
 from avatargen.data.raycast import Light, shoot
+from avatargen.eight_bits import eight_bits
 from avatargen.errors import InputError
 from avatargen.generator.camera import camera_of_vector
 from tests.photographs import BODY, CONVENTIONS, FOCAL, HEIGHT, WIDTH, Scene, make_scene
@@ -145,6 +148,36 @@ def test_processes_and_resuming_make_the_same_files_and_runs_do_not_mix(
         prepare(replace(given, images=tmp_path / "photos"), tmp_path / "one", settings("eva3d"), 1, silent)
 
 
+def test_sources_whose_contents_change_are_refused_by_name(scene: Scene, tmp_path: Path):
+    """Same names and sizes; masks, pickles, OpenPose's files and pictures that are others than they were."""
+    shutil.copytree(scene.folder, tmp_path / "scene")
+    scene.labels("eva3d")
+    shutil.copytree(scene.folder / "eva3d", tmp_path / "scene" / "eva3d", dirs_exist_ok=True)
+    here = replace(scene, folder=tmp_path / "scene")
+    given = sources(here, "ag3d", labels=here.folder / "eva3d", keypoints=here.folder / "openpose")
+
+    def again() -> None:
+        prepare(given, tmp_path / "out", settings("eva3d"), 1, silent)
+
+    again()
+    made = digest(tmp_path / "out")
+    for name, file in (
+        ("images", "photos/person0.png"),
+        ("masks", "masks/person0.png"),
+        ("labels", "eva3d/person0/000.pkl"),
+        ("keypoints", "openpose/person0_keypoints.json"),
+    ):
+        whole = (here.folder / file).read_bytes()
+        (here.folder / file).write_bytes(bytes([whole[0] ^ 1]) + whole[1:])
+        with pytest.raises(InputError, match=f"other settings: {name} has other contents; name another"):
+            again()
+        (here.folder / file).write_bytes(whole)
+    here.folder.rename(tmp_path / "moved")
+    moved = {n: tmp_path / "moved" / p.relative_to(here.folder) for n, p in vars(given).items() if p}
+    prepare(replace(given, **moved), tmp_path / "out", settings("eva3d"), 1, silent)
+    assert digest(tmp_path / "out") == made
+
+
 def white_is_none(photo: np.ndarray) -> np.ndarray:
     """A segmentation for pictures on white."""
     return (photo.min(axis=2) < 250).astype(np.float32)
@@ -177,6 +210,7 @@ def test_what_is_broken_is_named_and_skipped(scene: Scene, tmp_path: Path):
         "nan": "label: NaN",
         "skewed": "label: the camera's matrix is no rotation",
         "nobody": "keypoints: nobody",
+        "unnamed": "keypoints: there are none by this name",
         "wrong_points": "keypoints: 50 numbers",
         "no_feet": "partial body: no left_ankle and no right_ankle",
         "no_head": "partial body: no head",
@@ -199,7 +233,8 @@ def test_what_is_broken_is_named_and_skipped(scene: Scene, tmp_path: Path):
     rows["nan"] = [*whole[:-1], float("nan")]
     rows["skewed"] = [2 * whole[0], *whole[1:]]
     rows["elsewhere"] = [*whole[:25], 0.0, 3.0, 0.0, *whole[28:]]
-    people["nobody"] = []
+    people["nobody"] = [[0.0] * 51]
+    people["unnamed"] = []
     people["wrong_points"] = [points[0][:50]]
     hidden = np.array(points[0]).reshape(17, 3)
     for name, lost in (("no_feet", [15, 16]), ("no_head", [0])):
@@ -230,7 +265,7 @@ def test_what_is_broken_is_named_and_skipped(scene: Scene, tmp_path: Path):
         "label": 5,
         "partial body": 3,
         "picture": 2,
-        "keypoints": 2,
+        "keypoints": 3,
         "disagreement": 1,
     }
 
@@ -282,6 +317,119 @@ def test_alpha_and_segmentation_stand_in_for_masks(scene: Scene, tmp_path: Path)
         prepare(replace(given, images=plain), tmp_path / "none", settings("ag3d"), 1, silent)
     with pytest.raises(InputError, match="the segmentation gave"):
         prepare(replace(given, images=plain), tmp_path / "bad", settings("ag3d"), 1, silent, np.asarray)
+
+
+@pytest.mark.parametrize("form", ["16 bits", "fractions"])
+def test_deep_grey_photographs_are_scaled_and_not_clipped(scene: Scene, tmp_path: Path, form: str):
+    deep, plain = tmp_path / "deep", tmp_path / "plain"
+    for name in scene.names:
+        grey = Image.open(scene.folder / "photos" / f"{name}.png").convert("L")
+        values = np.asarray(grey).astype(np.uint16) * 257
+        for folder in (deep, plain):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        grey.save(plain / f"{name}.png")
+        if form == "16 bits":
+            Image.fromarray(values).save(deep / f"{name}.png")
+        else:
+            Image.fromarray((values / 65535).astype(np.float32)).save(deep / f"{name}.tiff")
+    for folder in (deep, plain):
+        prepare(
+            sources(scene, "eg3d", images=folder), tmp_path / "out" / folder.name, settings("eg3d"), 1, silent
+        )
+    assert digest(tmp_path / "out" / "deep" / "images") == digest(tmp_path / "out" / "plain" / "images")
+    picture = np.asarray(Image.open(tmp_path / "out" / "deep" / "images" / "person0.png"))
+    assert picture.std() > 20  # somebody is seen
+
+
+def test_pictures_beyond_their_range_are_refused():
+    assert np.asarray(eight_bits(Image.fromarray(np.array([[0, 257 * 9]], dtype=np.int32)))).tolist() == [
+        [0, 9]
+    ]
+    for values in (np.array([[0, 70_000]], dtype=np.int32), np.array([[0.5, np.nan]], dtype=np.float32)):
+        with pytest.raises(InputError, match="save it in 8 or 16 bits"):
+            eight_bits(Image.fromarray(values))
+
+
+def test_masks_of_every_form_are_the_same_person():
+    """A figure of three parts on a ground, as segmentations and human parsers write it."""
+    parts = np.zeros((12, 12), dtype=np.uint8)
+    parts[2:5, 4:8], parts[5:8, 3:9], parts[8:11, 4:8] = 1, 2, 15
+    person = np.where(parts > 0, 255, 0).astype(np.uint8)
+    indexed = Image.fromarray(parts).convert("P")
+    indexed.putpalette([0, 0, 0, 128, 0, 0, 0, 128, 0] + [0, 0, 0] * 12 + [192, 128, 128])
+    grey_indexed = Image.fromarray(np.where(parts > 0, 0, 1).astype(np.uint8)).convert("P")
+    grey_indexed.putpalette([255, 255, 255, 0, 0, 0])  # of few colours, white first
+    photo = np.random.default_rng(0).integers(0, 255, (12, 12, 3), dtype=np.uint8)
+    undecided = parts.copy()
+    undecided[2, 4] = 255
+    for form in (
+        Image.fromarray(person),
+        Image.fromarray(person > 0),
+        Image.fromarray((person > 0).astype(np.uint8)),
+        Image.fromarray(parts),
+        Image.fromarray(parts.astype(np.uint16)),
+        Image.fromarray(person.astype(np.uint16) * 257),
+        Image.fromarray(undecided),
+        indexed,
+        indexed.convert("RGB"),
+        grey_indexed,
+        Image.fromarray(np.dstack([photo, person])),  # the photograph cut out
+        Image.fromarray(np.dstack([person] * 3 + [np.full_like(person, 255)])),
+    ):
+        assert np.array_equal(mask_of(form), person), form
+    soft = np.linspace(0, 255, 144).reshape(12, 12).astype(np.uint8)
+    assert np.array_equal(mask_of(Image.fromarray(soft)), soft)
+    assert (mask_of(Image.new("L", (12, 12))) == 0).all()
+
+
+def test_an_opaque_alpha_channel_is_no_mask(scene: Scene, tmp_path: Path):
+    for name in scene.names:
+        (tmp_path / "photos" / name).parent.mkdir(parents=True, exist_ok=True)
+        Image.open(scene.folder / "photos" / f"{name}.png").convert("RGBA").save(
+            tmp_path / "photos" / f"{name}.png"
+        )
+    with pytest.raises(InputError, match="the alpha channel is opaque all over; give masks"):
+        prepare(
+            sources(scene, "eg3d", images=tmp_path / "photos", masks=None),
+            tmp_path / "o",
+            settings("eg3d"),
+            1,
+            silent,
+        )
+
+
+def test_names_in_other_folders_and_numbers_find_their_photograph():
+    def given(photographs: list[str], found: list[str]) -> dict[str, str]:
+        return given_to(photographs, {name: name for name in found}, "keypoints")
+
+    assert given(["a/1", "b/1"], ["p/a/1", "p/b/1"]) == {"a/1": "p/a/1", "b/1": "p/b/1"}
+    assert given(["000000397133", "x"], ["397133", "other"]) == {"000000397133": "397133"}
+    assert given(["one", "two"], ["train/one", "train/two"]) == {"one": "train/one", "two": "train/two"}
+    assert given(["more/one", "one"], ["one"]) == {"one": "one"}
+    assert given(["more/one", "other/one", "two"], ["one", "two"]) == {"two": "two"}  # whose is it?
+    assert given(["one", "two"], ["a/one", "b/one", "two"]) == {"two": "two"}
+    assert given(["one"], []) == {}
+    with pytest.raises(
+        InputError, match="keypoints name pictures such as 'x', and the photographs are called 'one'"
+    ):
+        given(["one"], ["x"])
+    names = ("a.b.jpg", "a.b", 397133, "in\\one.JPG", "x.5")
+    assert [without_suffix(name) for name in names] == ["a.b", "a.b", "397133", "in/one", "x.5"]
+
+
+def test_one_annotation_without_keypoints_costs_nothing(scene: Scene, tmp_path: Path):
+    content = json.loads((scene.folder / "coco.json").read_bytes())
+    content["annotations"] += [{"image_id": 0, "bbox": [0, 0, 1, 1]}, {"image_id": 99, "keypoints": []}]
+    for image in content["images"]:
+        image["file_name"] = f"train2017/{image['file_name']}"
+    path = tmp_path / "coco.json"
+    path.write_text(json.dumps(content))
+    made = prepare(sources(scene, "eg3d", keypoints=path), tmp_path / "out", settings("eg3d"), 1, silent)
+    assert made.skipped == ()
+    content["annotations"] = [{"image_id": 0, "bbox": [0, 0, 1, 1]}]
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError, match="holds no keypoints"):
+        read_keypoints(path)
 
 
 def test_cameras_alone_take_their_poses_from_a_file(scene: Scene, tmp_path: Path):

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from avatargen.commands.learn import evaluate_runs
 from avatargen.commands.learn.evaluate_runs import Row, snapshots, table
@@ -54,6 +55,10 @@ def test_runs_are_measured_once_and_a_damaged_table_is_refused(tmp_path: Path, m
     assert [row["images"] for row in json.loads(first)] == [0, 4] and len(calls) == 2
     assert evaluate_runs.main(words) == 0
     assert (tmp_path / "out" / "runs.json").read_bytes() == first and len(calls) == 2
+    held_out = tmp_path / "data" / "images" / "0.png"
+    Image.open(tmp_path / "data" / "images" / "1.png").save(held_out)
+    assert evaluate_runs.main(words) == 0
+    assert len(calls) == 4  # other held-out pictures, other numbers
     (tmp_path / "out" / "runs.json").write_text('[{"run": 1}]')
     assert evaluate_runs.main(words) == 2
 

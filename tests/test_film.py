@@ -66,6 +66,6 @@ def test_an_mp4_plays_what_was_put_in(size: tuple[int, int]):
 def test_mp4_says_what_it_cannot_do(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(InputError, match="no transparency"):
         FILMS[".mp4"](frames(channels=4), 1.0)
-    monkeypatch.setattr("exporters.film.find_spec", lambda name: None)
+    monkeypatch.setattr("avatargen.extras.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"avatargen\[film\]"):
         FILMS[".mp4"](frames(), 1.0)

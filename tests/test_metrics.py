@@ -19,7 +19,16 @@ from avatargen.generator.camera import Camera, camera_of_vector, front_camera, r
 from avatargen.generator.canonical import canonical_map
 from avatargen.generator.picture import CanonicalSurface
 from avatargen.metrics.clothes import bare_depths, clothes_error, offsets, true_depth
-from avatargen.metrics.evaluate import EvalConfig, evaluate, finer, generate, interval
+from avatargen.metrics.evaluate import (
+    EvalConfig,
+    data_and_reference,
+    evaluate,
+    finer,
+    generate,
+    halves,
+    holds_depth,
+    interval,
+)
 from avatargen.metrics.features import all_features, load_inception, random_features
 from avatargen.metrics.frechet import covariance, distance_error, frechet_distance
 from avatargen.metrics.joints import fit_joints, true_joints
@@ -178,6 +187,28 @@ def test_a_generator_is_measured(tmp_path: Path):
     strange = replace(pictures, labels=replace(pictures.labels, body="f" * 64))
     with pytest.raises(InputError, match="another body"):
         evaluate(state.average, CanonicalSurface(BODY), strange, pictures, features, EvalConfig())
+
+
+def test_true_depth_wants_the_library_that_follows_rays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    make_data(tmp_path / "data")
+    pictures = open_pictures(tmp_path / "data", SIZE)
+    monkeypatch.setattr("avatargen.extras.find_spec", lambda name: None)
+    assert not holds_depth(pictures)
+    pictures.path("depth", 0).parent.mkdir()
+    pictures.path("depth", 0).touch()
+    with pytest.raises(InputError, match=r"found no embreex, .* 'avatargen\[train\]'"):
+        holds_depth(pictures)
+
+
+def test_a_set_alone_is_its_own_reference_in_halves(tmp_path: Path):
+    make_data(tmp_path / "data")
+    data, reference = data_and_reference(tmp_path / "data", None, SIZE)
+    whole = open_pictures(tmp_path / "data", SIZE)
+    assert reference.labels.names + data.labels.names == whole.labels.names and len(data) == 4
+    assert np.array_equal(data.labels.rows(), whole.labels.rows()[4:])
+    assert torch.equal(data.image(0), whole.image(4))
+    with pytest.raises(InputError, match="give --reference"):
+        halves(whole.part(slice(1)))
 
 
 def test_clothes_are_measured_against_the_bare_body(tmp_path: Path):

@@ -20,11 +20,11 @@ from avatargen.body.load import load_body, save_body
 from avatargen.body.pose import load_pose
 from avatargen.data import synth
 from avatargen.data.dataset import open_pictures
-from avatargen.data.folder import claim
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels
 from avatargen.export.manifest import NAME, Row, open_manifest
 from avatargen.generator.checkpoint import load_checkpoint, save_checkpoint
 from avatargen.motion.amass import load_motion
+from avatargen.run_folder import claim
 from avatargen.training import adversarial_state
 from exporters import glb
 from exporters.encoding import Encoding
@@ -227,10 +227,17 @@ def test_configurations(folder: Path) -> None:
     }
 
     def of_a_run(path: Path) -> None:
-        adversarial_state.claim(path.parent, settings)
+        claim(
+            path.parent,
+            "config.json",
+            settings,
+            "train",
+            made=["state.pt"],
+            free=adversarial_state.MAY_CHANGE,
+        )
 
     def of_a_data_set(path: Path) -> None:
-        claim(path.parent, synth.SETTINGS_FILE, {"people": 3}, "data synth")
+        claim(path.parent, synth.SETTINGS_FILE, {"people": 3}, "data synth", made=["*"])
 
     for name, read in (("config.json", of_a_run), (synth.SETTINGS_FILE, of_a_data_set)):
         place = folder / read.__name__ / name

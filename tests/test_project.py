@@ -43,8 +43,8 @@ FLOORS = {
     ),
     "avatargen": (
         "errors shadow",
-        "atomic avatar_info compiled shipped threads",
-        "mesh",
+        "atomic avatar_info compiled eight_bits shipped threads",
+        "extras mesh ranges run_folder",
         "body",
         "motion wardrobe",
         "generator",

@@ -1,6 +1,7 @@
 """Files that were written are read back as they were; damaged and foreign ones are refused by name."""
 
 import dataclasses
+import io
 import json
 import struct
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from assets.asset.asset import Asset, PlainAsset, TexturedAsset
 from avatargen.errors import InputError
@@ -57,6 +59,29 @@ def test_occlusion_is_read_back_with_and_without_a_normal_map(tmp_path: Path):
         assert np.array_equal(again.occlusion, asset.occlusion)
         assert (again.normal_map is None) == (asset.normal_map is None)
         assert khronos_issues(tmp_path / "a.glb")["messages"] == []
+
+
+def test_a_texture_of_16_bits_is_scaled(tmp_path: Path):
+    grey = np.linspace(0, 65535, 64).round().astype(np.uint16).reshape(8, 8)
+    stream = io.BytesIO()
+    Image.fromarray(grey).save(stream, "png")
+    picture = stream.getvalue() + b"\0" * (-len(stream.getvalue()) % 4)
+    data = glb.encode(tube())
+    size = struct.unpack_from("<I", data, 12)[0]
+    held = len(data) - 20 - size - 8
+
+    def change(description: Any) -> None:
+        description["bufferViews"].append({"buffer": 0, "byteOffset": held, "byteLength": len(picture)})
+        description["buffers"][0]["byteLength"] = held + len(picture)
+        description["images"][0]["bufferView"] = len(description["bufferViews"]) - 1
+
+    data = bytearray(data + picture)
+    struct.pack_into("<I", data, 20 + size, held + len(picture))
+    struct.pack_into("<I", data, 8, len(data))
+    (tmp_path / "a.glb").write_bytes(altered(change, bytes(data)))
+    again = read_glb(tmp_path / "a.glb")
+    assert isinstance(again, TexturedAsset)
+    assert np.array_equal(again.texture, np.rint(grey / 257).astype(np.uint8)[..., None].repeat(3, axis=2))
 
 
 @pytest.mark.parametrize("kind", [PlainAsset, TexturedAsset])

@@ -411,7 +411,7 @@ def test_bad_arguments_end_in_one_line(
 def test_without_the_extra_one_line_says_how_to_get_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(view, "find_spec", lambda name: None)
+    monkeypatch.setattr("avatargen.extras.find_spec", lambda name: None)
     handler = signal.getsignal(signal.SIGTERM)
     assert view.main([]) == 2
     signal.signal(signal.SIGTERM, handler)

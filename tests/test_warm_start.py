@@ -12,7 +12,7 @@ import torch
 from avatargen.avatar import shipped
 from avatargen.body.load import load_body
 from avatargen.body.model import CanonicalBody, canonical_body
-from avatargen.errors import TrainingError
+from avatargen.errors import InputError, TrainingError
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import DEBUG, GeneratorConfig, for_body
 from avatargen.generator.generator import AvatarGenerator
@@ -129,7 +129,9 @@ def test_a_stopped_run_continues_with_the_same_numbers(
     resumed = run(tmp_path / "parts", pool_file, config, TINY, body)
     a, b = (load_checkpoint(tmp_path / n / "generator.safetensors") for n in ("whole", "parts"))
 
-    assert resumed == whole
+    logs = [(tmp_path / n / "log.jsonl").read_text() for n in ("whole", "parts")]
+
+    assert resumed == whole and logs[0] == logs[1] and logs[0].count("\n") == 2
     assert a.weights_hash == b.weights_hash
 
 
@@ -159,7 +161,14 @@ def test_a_run_of_other_networks_is_not_continued(
     run(tmp_path, pool_file, config, replace(TINY, steps=4), body)
     wider = replace(config, decoder=replace(config.decoder, width=24))
 
-    with pytest.raises(TrainingError, match="another folder"):
+    before = (tmp_path / "config.json").read_bytes()
+    for name, value in (("seed", 1), ("pool", 10_000), ("learning_rate", 1e-3)):
+        with pytest.raises(InputError, match=rf"training\.{name} .*; name another folder"):
+            run(tmp_path, pool_file, config, replace(TINY, **{name: value}), body)
+    assert (tmp_path / "config.json").read_bytes() == before
+    with pytest.raises(InputError, match=r"20000 points, seed 0.* wanted 20000 points, seed 1"):
+        cached_pool(pool_file, body, TINY.pool, 1)
+    with pytest.raises(InputError, match=r"generator.decoder.width \d+, now 24; name another folder"):
         run(tmp_path, pool_file, wider, TINY, body)
 
 

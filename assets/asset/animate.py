@@ -35,21 +35,30 @@ def animate(asset: Asset, motions: Sequence[Motion], on_ground: bool = True) -> 
     """The asset with an animation for each motion, after those it has.
 
     `on_ground` lifts or lowers a whole animation so that its lowest vertex touches y = 0 once: the figure of
-    a motion file has other legs than this one.
+    a motion file has other legs than this one, and `retargeted` makes such a motion this figure's.
 
     Raises:
         InputError: a motion shares no joint with the skeleton.
         GeometryError: two animations share a name.
     """
-    made = [animation_of(asset.skeleton, motion) for motion in motions]
+    made = [animation_of(asset.skeleton, motion) for motion in retargeted(asset, motions)]
     if on_ground:
         made = [replace(a, root=a.root - [0.0, lowest(asset, a), 0.0]) for a in made]
     return replace(asset, animations=(*asset.animations, *made))
 
 
+def retargeted(asset: Asset, motions: Sequence[Motion]) -> tuple[Motion, ...]:
+    """The motions as the asset's own: those of other people get the way and the standing feet of its legs."""
+    if all(motion.leg is None for motion in motions):
+        return tuple(motions)
+    from avatargen.motion.retarget import retarget  # scipy's splines take .2 s to load
+
+    figure = figure_of(asset)
+    return tuple(retarget(motion, figure) for motion in motions)
+
+
 def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
-    """The motion on this skeleton, the pelvis at its place in the T-pose plus the motion's translation, which
-    is scaled with the legs, as steps are, where it is another person's.
+    """The motion on this skeleton, the pelvis at its place in the T-pose plus the motion's translation.
 
     Raises:
         InputError: the motion shares no joint with the skeleton.
@@ -74,21 +83,8 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         name=motion.name,
         times=motion.times,
         rotations=continuous(quaternions),
-        root=skeleton.joints[0] + motion.translation * step_scale(skeleton, motion.leg),
+        root=skeleton.joints[0] + motion.translation,
     )
-
-
-def step_scale(skeleton: Skeleton, leg: float | None) -> float:
-    """How long this skeleton's legs are against those that made a motion; 1 where either is unknown."""
-    names = skeleton.joint_names
-    lengths = []
-    for side in ("left", "right"):
-        joints = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle")]
-        if leg is None or not set(joints) <= set(names):
-            return 1.0
-        hip, knee, ankle = (skeleton.joints[names.index(joint)] for joint in joints)
-        lengths.append(float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)))
-    return sum(lengths) / 2 / leg
 
 
 def zero_rotations(frames: int, joints: int) -> Float64[np.ndarray, "T J 3 3"]:

@@ -15,14 +15,15 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from avatargen.errors import AvatarGenError, InputError
 
+Parsed = TypeVar("Parsed")
 RETRY = 0.05  # seconds until a signal that could not end the process comes again
 LARGEST_SEED = 2**63 - 1
 MOST_SEEDS = 1_000_000
@@ -86,6 +87,36 @@ def run_command(program: str, command: Callable[[], None]) -> int:
         message = f"cannot print: {reason}; give the output room, or send it elsewhere"
         return complain(program, message, status=2)
     return 0
+
+
+def parse_options(program: str, options: Callable[..., Parsed], words: Sequence[str] | None) -> Parsed:
+    """What tyro makes of a command line, whose complaints become one line.
+
+    Raises:
+        InputError: words that are no options, or values that the options' own checks refuse.
+    """
+    import tyro
+
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.cli(options, prog=program, args=words)
+    except SystemExit as end:
+        if not end.code:
+            raise
+        raise InputError(f"{complaint(said.getvalue())}; see {program} --help") from None
+
+
+def complaint(box: str) -> str:
+    """What stands between the first and the second rule of a box of text, without its border."""
+    parts: list[list[str]] = [[]]
+    for line in (line.strip("│ ") for line in box.splitlines()):
+        if line.endswith(("───", "---", "╮")):  # hyphens where the terminal has nothing better
+            parts.append([])
+        else:
+            parts[-1].append(line)
+    text = " ".join(filter(None, parts[min(1, len(parts) - 1)]))
+    return text.rstrip(".") or "the options cannot be read"
 
 
 def open_streams() -> None:

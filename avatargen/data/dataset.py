@@ -7,7 +7,7 @@ import io
 import struct
 import warnings
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,9 @@ from torch import Tensor
 
 from avatargen.data.labels import FILE_NAME, Labels, read_labels
 from avatargen.data.units import DEPTH_UNIT
+from avatargen.eight_bits import eight_bits
 from avatargen.errors import InputError
+from avatargen.run_folder import digest_files
 
 FORMATS = ("PNG", "JPEG", "WEBP")
 MOST_PIXELS = 4096  # along a side
@@ -53,13 +55,26 @@ class Pictures:
 
     def read(self, kind: str, index: int, mode: str) -> np.ndarray:
         path = self.path(kind, index)
-        made = open_picture(path).convert(mode)
+        made = eight_bits(open_picture(path)).convert(mode)
         if made.width != made.height or made.width % self.size:
             raise InputError(
                 f"data: {path} is {made.width} x {made.height} pixels; a square multiple of {self.size} "
                 "is needed"
             )
         return np.asarray(made.reduce(made.width // self.size))
+
+    def part(self, which: slice) -> "Pictures":
+        """Some of the pictures."""
+        labels = self.labels
+        weights = None if labels.weights is None else labels.weights[which]
+        arrays = {"camera": labels.camera[which], "pose": labels.pose[which], "betas": labels.betas[which]}
+        return replace(self, labels=replace(labels, names=labels.names[which], weights=weights, **arrays))
+
+    def contents(self) -> str:
+        """A hash of labels and pictures: the same of the same data set, wherever it lies."""
+        kinds = ("images", "masks", "depth")
+        files = [self.path(kind, i) for i in range(len(self)) for kind in kinds]
+        return digest_files(self.folder, [self.folder / FILE_NAME, *files])
 
     def choose(self, shape: tuple[int, ...], random: torch.Generator) -> Tensor:
         """Random pictures, each as often as its weight says."""

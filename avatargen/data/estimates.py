@@ -7,7 +7,7 @@ or `NAME/000.pkl` for each picture. Cameras alone (`eg3d` rows of 25 numbers) go
 """
 
 from collections.abc import Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from jaxtyping import Float64
 from avatargen.body.arrays import read_npz
 from avatargen.data.conventions import BETAS, CAMERA_NUMBERS, POSE
 from avatargen.data.keypoints import read_json
+from avatargen.data.names import without_suffix
 from avatargen.data.pickles import Row, read_rows
 from avatargen.errors import InputError
 
@@ -30,7 +31,7 @@ def rows_in_json(path: Path) -> dict[str, Row]:
     try:
         labels = content["labels"]
         pairs = list(labels.items()) if isinstance(labels, dict) else list(labels)
-        return {str(PurePosixPath(str(name)).with_suffix("")): numbers(row) for name, row in pairs}
+        return {without_suffix(name): numbers(row) for name, row in pairs}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f'label: {path} holds no list "labels" of files and numbers ({error!r})') from error
 
@@ -46,11 +47,16 @@ def numbers(row: Any) -> Row:
 
 def rows_in_pickles(folder: Path, names: Sequence[str]) -> list[Row]:
     """The rows of pictures by those names."""
-    places = [folder / f"{name}.pkl" for name in names]
-    places = [p if p.exists() else p.with_suffix("") / "000.pkl" for p in places]
+    places = [pickle_of(folder, name) for name in names]
     there = [place for place in places if place.exists()]
     found = dict(zip(there, read_rows(there) if there else [], strict=True))
     return [found.get(place, "label: there is none") for place in places]
+
+
+def pickle_of(folder: Path, name: str) -> Path:
+    """Where a picture's label lies, or would."""
+    alone = folder / f"{name}.pkl"
+    return alone if alone.exists() else folder / name / "000.pkl"
 
 
 def with_poses(cameras: dict[str, Row], path: Path) -> dict[str, Row]:
@@ -69,7 +75,7 @@ def with_poses(cameras: dict[str, Row], path: Path) -> dict[str, Row]:
         raise InputError(
             f"label: {path} holds {[part.shape for part in parts]}; {count} rows of 72, 10 and 3 are wanted"
         )
-    row_of = {str(PurePosixPath(str(name)).with_suffix("")): i for i, name in enumerate(arrays["names"])}
+    row_of = {without_suffix(name): i for i, name in enumerate(arrays["names"])}
     return {name: joined(camera, parts, row_of.get(name)) for name, camera in cameras.items()}
 
 

@@ -1,45 +1,17 @@
-"""A data set's folder belongs to one run; its pictures are PNG, made in processes of their own."""
+"""A data set's pictures are PNG, made in processes of their own."""
 
 import io
-import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from PIL import Image
 
-from avatargen.atomic import write_atomically
-from avatargen.errors import InputError
-
 Result = TypeVar("Result")
-
-
-def claim(out: Path, file_name: str, settings: dict[str, Any], command: str) -> None:
-    """Make the folder this run's, or see that it is: its settings stand in a file of that name.
-
-    Raises:
-        InputError: it holds other files, or pictures of other settings.
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        if (out / file_name).exists():
-            found = json.loads((out / file_name).read_bytes())
-        elif any(not entry.name.startswith(".") for entry in out.iterdir()):
-            raise InputError(f"{command}: {out} holds other files; name an empty or a new folder")
-        else:
-            found = settings
-            write_atomically(out / file_name, json.dumps(settings).encode())
-    except (OSError, json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{command}: cannot use {out} ({error}); name another folder") from error
-    if found != settings:
-        raise InputError(
-            f"{command}: {out} was made with {found}, now {settings} is wanted; name another folder"
-        )
 
 
 def in_processes(

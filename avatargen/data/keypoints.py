@@ -8,12 +8,13 @@ is x and y in pixels from the top left corner, and a confidence: a detector's 0.
 
 import json
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
+from avatargen.data.names import without_suffix
 from avatargen.errors import InputError
 
 
@@ -93,7 +94,8 @@ def numbers(values: Any) -> Float64[np.ndarray, "K 3"]:
 
 
 def read_keypoints(path: Path) -> dict[str, list[Any]]:
-    """People found in each picture, by the picture's name without suffix; not yet checked.
+    """People found in each picture, by the picture's name without suffix; not yet checked. Annotations
+    without keypoints, or of a picture that is not listed, are passed over.
 
     Raises:
         InputError: no such file or folder, or of another form.
@@ -107,14 +109,18 @@ def read_keypoints(path: Path) -> dict[str, list[Any]]:
     try:
         if isinstance(content, dict):
             names = {image["id"]: image["file_name"] for image in content["images"]}
-            rows = [(names[row["image_id"]], row["keypoints"]) for row in content["annotations"]]
+            found: dict[str, list[Any]] = {without_suffix(name): [] for name in names.values()}
+            rows = [(names.get(row["image_id"]), row) for row in content["annotations"]]
         else:
-            rows = [(row["image_id"], row["keypoints"]) for row in content]
+            found = {}
+            rows = [(row["image_id"], row) for row in content]
+        rows = [(name, row["keypoints"]) for name, row in rows if name is not None and "keypoints" in row]
     except (KeyError, TypeError) as error:
         raise InputError(f"keypoints: {path} is no COCO data set or list of results ({error!r})") from error
-    found: dict[str, list[Any]] = {}
+    if not rows:
+        raise InputError(f"keypoints: {path} holds no keypoints; give COCO's person_keypoints or results")
     for name, points in rows:
-        found.setdefault(str(PurePosixPath(str(name)).with_suffix("")), []).append(points)
+        found.setdefault(without_suffix(name), []).append(points)
     return found
 
 

@@ -21,8 +21,10 @@ from avatargen.data.crop import agreement, check_mask, cropped_camera, cut, shar
 from avatargen.data.folder import png
 from avatargen.data.joints import projected_joints
 from avatargen.data.keypoints import LIMBS, Keypoints, keypoints_of
+from avatargen.data.mask import alpha_of, mask_of
 from avatargen.data.mirror import mirrored
 from avatargen.data.pickles import Row
+from avatargen.eight_bits import eight_bits
 from avatargen.errors import InputError
 
 Segment = Callable[[UInt8[np.ndarray, "H W 3"]], np.ndarray]
@@ -61,7 +63,7 @@ class Photograph:
     file: Path
     mask: Path | None
     row: Row
-    people: list[Any] | None  # keypoints of those found; none: nobody looked for any
+    people: list[Any] | str | None  # keypoints of those found, or why there are none; None: nobody looked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,14 +116,15 @@ class Studio:
             InputError: a file is broken, or the mask is none of this photograph.
         """
         picture = open_whole(photograph.file, "picture")
-        photo = np.asarray(picture.convert("RGB"))
+        photo = np.asarray(eight_bits(picture).convert("RGB"))
         if photograph.mask is not None:
-            mask = np.asarray(open_whole(photograph.mask, "mask").convert("L"))
-            mask = mask * np.uint8(255) if mask.max() == 1 else mask
+            mask = mask_of(open_whole(photograph.mask, "mask"))
         elif self.segment is not None:
             mask = coverage(self.segment(photo))
-        elif picture.has_transparency_data:
-            mask = np.asarray(picture.convert("RGBA"))[..., 3]
+        elif (alpha := alpha_of(picture)) is not None:
+            if alpha.min() == 255:
+                raise InputError("mask: the alpha channel is opaque all over; give masks or a segmentation")
+            mask = alpha
         else:
             raise InputError("mask: there is none; give masks, an alpha channel or a segmentation")
         if mask.shape != photo.shape[:2]:
@@ -133,6 +136,8 @@ class Studio:
     ) -> Keypoints:
         """The photograph's keypoints; without any, the label's joints that lie in the picture."""
         if photograph.people is not None:
+            if isinstance(photograph.people, str):
+                raise InputError(photograph.people)
             return keypoints_of(photograph.people)
         named = zip(self.body.joint_names, joints, strict=True)
         inside = {name: place for name, place in named if ((place >= 0) & (place <= size)).all()}

@@ -11,8 +11,8 @@ Photograph i and all that happens to it depend on nothing else: any number of pr
 """
 
 import dataclasses
-import hashlib
 import json
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -26,19 +26,20 @@ from avatargen.avatar import training_body
 from avatargen.body.model import Body, canonical_body
 from avatargen.data.balance import view_weights
 from avatargen.data.conventions import Convention
-from avatargen.data.estimates import rows_in_json, rows_in_pickles, with_poses
-from avatargen.data.folder import claim, in_processes
+from avatargen.data.estimates import pickle_of, rows_in_json, rows_in_pickles, with_poses
+from avatargen.data.folder import in_processes
 from avatargen.data.keypoints import read_keypoints
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels
+from avatargen.data.names import SUFFIXES, given_to
 from avatargen.data.photograph import Photograph, Segment, Settings, Studio
 from avatargen.data.pickles import Row
 from avatargen.errors import InputError
 from avatargen.generator.config import body_hash
+from avatargen.run_folder import claim, digest, digest_files
 
 SETTINGS_FILE = "prepare.json"
-FORMAT = 1  # raised when the same photographs would give other pictures
+FORMAT = 2  # raised when the same photographs would give other pictures
 PART = 16  # photographs between records
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 MIRRORED = "_mirrored"
 
 
@@ -87,7 +88,8 @@ def prepare(
     """
     files = list_photographs(sources.images, mirror=settings.mirror)
     photographs = describe(files, sources, settings.convention)
-    claim(out, SETTINGS_FILE, fingerprint(sources, settings, files, segment), "data prepare")
+    found = fingerprint(sources, settings, photographs, segment)
+    claim(out, SETTINGS_FILE, found, "data prepare", made=["*"])
     parts = [photographs[i : i + PART] for i in range(0, len(photographs), PART)]
     missing = [i for i in range(len(parts)) if not record(out, i).exists()]
     done = sum(len(part) for i, part in enumerate(parts) if i not in set(missing))
@@ -130,47 +132,56 @@ def describe(files: list[Path], sources: Sources, convention: Convention) -> lis
     Raises:
         InputError: labels or keypoints cannot be read at all.
     """
+    names = [name_of(file, sources.images) for file in files]
     rows: dict[str, Row] = {}
     if convention != "eva3d":
         rows = rows_in_json(sources.labels)
         if sources.smpl is not None:
             rows = with_poses(rows, sources.smpl)
-    people = read_keypoints(sources.keypoints) if sources.keypoints else None
-    found = []
-    for file in files:
-        name = name_of(file, sources.images)
-        row = rows.get(name, rows.get(f"{sources.images.name}/{name}", "label: there is none"))
-        found.append(
-            Photograph(
-                name=name,
-                file=file,
-                mask=sources.masks / f"{name}.png" if sources.masks else None,
-                row=row,
-                people=None if people is None else people.get(name, []),
-            )
+    rows = given_to(names, rows, "labels")
+    people = None
+    if sources.keypoints is not None:
+        people = given_to(names, read_keypoints(sources.keypoints), "keypoints")
+    return [
+        Photograph(
+            name=name,
+            file=file,
+            mask=sources.masks / f"{name}.png" if sources.masks else None,
+            row=rows.get(name, "label: there is none"),
+            people=None if people is None else people.get(name, "keypoints: there are none by this name"),
         )
-    return found
+        for name, file in zip(names, files, strict=True)
+    ]
 
 
 def fingerprint(
-    sources: Sources, settings: Settings, files: list[Path], segment: Segment | None
+    sources: Sources, settings: Settings, photographs: list[Photograph], segment: Segment | None
 ) -> dict[str, Any]:
-    """What a run depends on, as it is written beside it. Photographs count by name and size in bytes."""
-    digest = hashlib.sha256()
-    for file in files:
-        digest.update(f"{name_of(file, sources.images)} {file.stat().st_size}\n".encode())
-    paths = {name: path and str(path.resolve()) for name, path in vars(sources).items()}
-    for name in ("labels", "keypoints", "smpl", "body"):
-        path = getattr(sources, name)
-        if path is not None and path.is_file():
-            digest.update(path.read_bytes())
+    """All that a run depends on, as it is written beside it: files by their contents, wherever they lie."""
+    labels, masks = sources.labels, [one.mask for one in photographs if one.mask is not None]
+    if settings.convention == "eva3d":
+        labels = digest_files(labels, [pickle_of(labels, one.name) for one in photographs])
+    else:
+        labels = digest(labels)
     return {
         **dataclasses.asdict(settings),
-        **paths,
-        "segment": segment and f"{segment.__module__}:{segment.__qualname__}",
-        "contents": digest.hexdigest(),
+        "images": digest_files(sources.images, [one.file for one in photographs]),
+        "images_folder": sources.images.resolve().name,  # labels may name it
+        "labels": labels,
+        "masks": digest_files(sources.masks, masks) if sources.masks else None,
+        "body": sources.body and digest(sources.body),
+        "keypoints": sources.keypoints and digest(sources.keypoints),
+        "smpl": sources.smpl and digest(sources.smpl),
+        "segment": segment and source_of(segment),
         "format": FORMAT,
     }
+
+
+def source_of(segment: Segment) -> str:
+    """A segmentation's name and the contents of the file that it stands in."""
+    name = getattr(segment, "__qualname__", type(segment).__qualname__)
+    file = getattr(sys.modules.get(segment.__module__), "__file__", None)
+    return f"{segment.__module__}:{name} {file and digest(Path(file))}"
 
 
 def record(out: Path, part: int) -> Path:

@@ -19,9 +19,10 @@ import torch
 
 from avatargen.atomic import write_atomically
 from avatargen.body.model import canonical_body
-from avatargen.data.folder import claim, in_processes, png
+from avatargen.data.folder import in_processes, png
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels, joined, read_labels
 from avatargen.errors import InputError
+from avatargen.run_folder import claim
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
 
 SETTINGS_FILE = "synth.json"
@@ -60,7 +61,7 @@ def synthesize(
     Raises:
         InputError: the folder holds something else, or cannot be written.
     """
-    claim(out, SETTINGS_FILE, dataclasses.asdict(config), "data synth")
+    claim(out, SETTINGS_FILE, dataclasses.asdict(config), "data synth", made=["*"])
     missing = [i for i in range(people) if not record(out, i).exists()]
     done = people - len(missing)
     report(done, people)

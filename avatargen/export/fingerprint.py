@@ -5,7 +5,6 @@ Groups of settings inside a request (`BuildConfig`, `Encoding`) are laid flat, s
 name.
 """
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
@@ -14,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from avatargen import __version__
-from avatargen.errors import InputError
 from avatargen.export.request import NO_BYTE, ExportRequest
+from avatargen.run_folder import digest, digest_arrays
 
 OfFile = Callable[[Path], str]  # what stands for a file
 
@@ -64,18 +63,5 @@ def plain(value: Any, of_file: OfFile) -> object:
             return {path.stem: of_file(path) for path in value}
         return [plain(item, of_file) for item in value]
     if isinstance(value, np.ndarray):
-        whole = np.ascontiguousarray(value)
-        return f"{whole.dtype}{list(whole.shape)} {hashlib.sha256(whole.tobytes()).hexdigest()}"
+        return digest_arrays({"array": value})
     raise TypeError(f"a request holds {value!r}, for which there is no rule; give it one here")
-
-
-def digest(path: Path) -> str:
-    """Of the contents of a file, or of all in a folder. Raises InputError where it cannot be read."""
-    try:
-        if path.is_dir():
-            inside = sorted(each for each in path.rglob("*") if each.is_file())
-            lines = [f"{each.relative_to(path)} {digest(each)}\n" for each in inside]
-            return hashlib.sha256("".join(lines).encode()).hexdigest()
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"found no file {path}; check the path") from error

@@ -14,8 +14,9 @@ from dataclasses import asdict, dataclass, fields
 from io import FileIO
 from pathlib import Path
 
-from avatargen.atomic import only_writer, unwritable, write_atomically
+from avatargen.atomic import only_writer, unwritable
 from avatargen.errors import InputError
+from avatargen.run_folder import claim
 
 NAME, SETTINGS_NAME = "manifest.jsonl", "settings.json"
 
@@ -79,7 +80,7 @@ def open_manifest(folder: Path, settings: dict[str, object]) -> Iterator[Manifes
         raise unwritable(path, error) from error
     with only_writer(path), open_end(path) as stream:
         rows = read_rows(path, stream)
-        keep_settings(folder / SETTINGS_NAME, settings)
+        claim(folder, SETTINGS_NAME, settings, "avatar-export", made=[NAME] if rows else [])
         yield Manifest(folder, stream, rows)
 
 
@@ -143,16 +144,3 @@ def parse_row(line: bytes) -> Row | None:
 def is_number(value: object) -> bool:
     """A number that JSON can hold as such."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
-
-
-def keep_settings(path: Path, settings: dict[str, object]) -> None:
-    """Write the settings, or compare them with those that the folder was made with.
-
-    Raises:
-        InputError: they differ.
-    """
-    data = json.dumps(settings, indent=2, sort_keys=True).encode() + b"\n"
-    if not path.exists():
-        write_atomically(path, data)
-    elif path.read_bytes() != data:
-        raise InputError(f"{path} says that the folder was made with other settings; give another --out")

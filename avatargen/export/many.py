@@ -22,6 +22,7 @@ from avatargen.export.on_ray import ray_outcomes
 from avatargen.export.one import silent
 from avatargen.export.request import ExportRequest
 from avatargen.export.worker import work
+from avatargen.extras import require_extra
 
 PATIENCE = 10.0  # seconds that a worker gets to leave
 SPAWN = multiprocessing.get_context("spawn")  # a fork would copy a parent's locks, and CUDA forbids it
@@ -76,6 +77,8 @@ def export_many(
     """
     if not isinstance(request.seeds, range) or request.out is None:
         raise InputError("export_many: found one seed, wanted a range of them; see export_avatar")
+    if request.ray is not None:
+        require_extra("ray")
     started, seeds = time.monotonic(), request.seeds
     with open_manifest(request.out, fingerprint(request)) as manifest:
         todo = [seed for seed in seeds if not manifest.holds(seed)]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from assets import Asset
-from assets.asset.animate import figure_of
+from assets.asset.animate import figure_of, retargeted
 from avatargen.errors import InputError
 from avatargen.export.request import ExportRequest
 from avatargen.motion.amass import in_ranges, load_motion, motion_name
@@ -33,6 +33,7 @@ def finish_motions(request: ExportRequest, files: Sequence[Motion], asset: Asset
     motions = [*make_clips(request.clips, asset), *files]
     if request.mirror:
         motions = [mirrored(motion) for motion in motions]
+    motions = retargeted(asset, motions)  # while the way shows which feet stand
     if request.in_place:
         motions = [in_place(motion) for motion in motions]
     return tuple(retimed(motion, request.fps, request.speed) for motion in motions)

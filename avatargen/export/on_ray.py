@@ -80,10 +80,8 @@ def connect(address: str) -> Any:
     Raises:
         InputError: it is not installed, or nothing answers there.
     """
-    try:
-        import ray
-    except ImportError as error:
-        raise InputError("found --ray, but Ray is not installed; install avatargen[ray]") from error
+    import ray
+
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError, TimeoutError) as error:

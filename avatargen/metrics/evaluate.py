@@ -14,6 +14,7 @@ Letters: N pictures, r raw size, S final size, J joints.
 import copy
 import time
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -21,9 +22,10 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from avatargen.body.model import Body
-from avatargen.data.dataset import Pictures
+from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.data.mirror import partners
 from avatargen.errors import InputError
+from avatargen.extras import require_extra
 from avatargen.generator.camera import camera_of_vector
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface, Picture, make_people, picture_people
@@ -40,6 +42,7 @@ from avatargen.metrics.features import Features, all_features
 from avatargen.metrics.frechet import distance_error, frechet_distance
 from avatargen.metrics.joints import JointEstimator, fit_joints, true_joints
 from avatargen.metrics.warp import warp_error
+from avatargen.ranges import MANY, require_ranges
 
 RESAMPLES = 1000
 MOST_REFERENCES = 2000
@@ -89,8 +92,21 @@ class EvalConfig:
     samples: int | None = 48  # along rays: with 12, surfaces are seen 4 mm too far; none: the generator's
 
     def __post_init__(self) -> None:
+        require_ranges(self, "eval", {"seed": (0, MANY), "samples": (2, 4096)})
         if self.pictures < 20:
             raise InputError(f"eval: {self.pictures} pictures say nothing; take 20 or more")
+
+
+def holds_depth(data: Pictures) -> bool:
+    """Whether true depth lies beside the pictures, against which clothes are measured as rays see the body.
+
+    Raises:
+        InputError: it does, and there is nothing to follow rays with.
+    """
+    if not data.path("depth", 0).exists():
+        return False
+    require_extra("embreex")
+    return True
 
 
 def evaluate(
@@ -113,6 +129,7 @@ def evaluate(
     for pictures in (data, reference):
         if not pictures.labels.may_be_of(generator.config.body_hash):
             raise InputError(f"eval: the labels in {pictures.folder} are of another body than the weights")
+    has_depth = holds_depth(data)
     started = time.perf_counter()
     count = min(config.pictures, len(data))
     chosen = torch.randperm(len(data), generator=torch.Generator().manual_seed(config.seed))[:count]
@@ -130,7 +147,6 @@ def evaluate(
         others_joints = true_joints(reference, surface.body, spread.numpy())
         joints = fit_joints(others, others_joints, partners(surface.body.joint_names))
     truth = true_joints(data, surface.body, chosen.numpy())
-    has_depth = data.path("depth", 0).exists()
     numbers = {
         name: distance(made, real),
         "depth (mm)": interval(depth_errors(seen, data, chosen)) if has_depth else None,
@@ -152,6 +168,29 @@ def evaluate(
         left_out=tuple(name for name, number in numbers.items() if number is None),
         seconds=seconds,
     )
+
+
+def data_and_reference(data: Path, reference: Path | None, size: int) -> tuple[Pictures, Pictures]:
+    """Held-out pictures and others to compare with; without others, the halves of the held-out ones.
+
+    Raises:
+        InputError: a folder holds no data set, or one picture where it is to be divided.
+    """
+    pictures = open_pictures(data, size)
+    return halves(pictures) if reference is None else (pictures, open_pictures(reference, size))
+
+
+def halves(pictures: Pictures) -> tuple[Pictures, Pictures]:
+    """A set alone in two: pictures to measure with, and others that stand for a reference. Labels hold each
+    person's pictures in a row, so at most one person is in both.
+
+    Raises:
+        InputError: it has one picture.
+    """
+    if len(pictures) < 2:
+        raise InputError(f"eval: {pictures.folder} has one picture; give --reference or a larger set")
+    middle = len(pictures) // 2
+    return pictures.part(slice(middle, None)), pictures.part(slice(middle))
 
 
 def finer(generator: AvatarGenerator, samples: int) -> AvatarGenerator:

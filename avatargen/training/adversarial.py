@@ -33,11 +33,11 @@ from avatargen.generator.decoder import fit_reach
 from avatargen.generator.density import Density
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface, Person, Picture, make_people, picture_people
+from avatargen.run_folder import claim, cut_log
 from avatargen.training.adversarial_config import NETWORKS, AdversarialConfig
 from avatargen.training.adversarial_state import (
+    MAY_CHANGE,
     State,
-    claim,
-    cut_log,
     describe,
     new_state,
     restore,
@@ -142,8 +142,9 @@ def train(
     `start` gives the generator its first weights; without it they are random. `report` takes progress lines.
 
     Raises:
-        TrainingError: gradients are not finite or explode, the folder holds another run, or the pictures'
-        labels or the weights to start from are of another body.
+        TrainingError: gradients are not finite or explode, or the pictures' labels or the weights to start
+            from are of another body.
+        InputError: the folder holds another run.
     """
     networks = generator_config(config, body, start)
     if not pictures.labels.may_be_of(networks.body_hash):
@@ -154,12 +155,13 @@ def train(
     main, share = accelerator.is_main_process, share_of_process(config, accelerator)
     if main:
         start_name = start.weights_hash if start else "random weights"
-        claim(out, describe(config, networks, pictures.folder, start_name))
+        settings = describe(config, networks, pictures, body, start_name)
+        claim(out, "config.json", settings, "train", made=["state.pt"], free=MAY_CHANGE)
     state = begin(config, networks, pictures, body, accelerator.device, start)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
     if main:
-        cut_log(out / "log.jsonl", state.images)
+        cut_log(out / "log.jsonl", "images", state.images, "train")
     if main and state.images == 0:
         keep_weights(state, run, pictures, out)
     board = tensorboard(out, state.images) if main else None

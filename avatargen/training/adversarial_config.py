@@ -19,6 +19,7 @@ from avatargen.generator.config import (
     GeometryConfig,
     RenderConfig,
 )
+from avatargen.ranges import MANY, require_ranges
 from avatargen.training.discriminator import DiscriminatorConfig
 
 
@@ -32,6 +33,10 @@ class LossConfig:
     minimal_surface: float = 0.01
     smpl: float = 0.5  # per metre; 0 leaves the body's surface out
     points: int = 192  # a person, where eikonal and minimal surface ask
+
+    def __post_init__(self) -> None:
+        weights = dict.fromkeys(("r1", "eikonal", "minimal_surface", "smpl"), (0.0, 1e6))
+        require_ranges(self, "losses", weights | {"r1_every": (1, MANY), "points": (2, 1_000_000)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +52,12 @@ class OptimizerConfig:
     ramp: float = 0.05  # the half-life is at most this share of the pictures shown so far
     largest_gradient: float = 1e4  # norm beyond which training stops
 
+    def __post_init__(self) -> None:
+        rates = dict.fromkeys(("generator_rate", "discriminator_rate"), (1e-12, 10.0))
+        shares = dict.fromkeys(("beta1", "beta2"), (0.0, 0.999999)) | {"density_share": (0, 1e3)}
+        lengths = {"half_life": (1, MANY), "ramp": (1e-6, 1e6), "largest_gradient": (1e-12, 1e12)}
+        require_ranges(self, "optimizer", rates | shares | lengths)
+
 
 @dataclass(frozen=True, kw_only=True)
 class VarietyConfig:
@@ -56,6 +67,10 @@ class VarietyConfig:
     camera_swap: float = 0.5  # share of people whose latent is mapped under another picture's camera
     blur: float = 2.0  # pixels of Gaussian blur before the discriminator, at the start
     blur_fade: int = 10_000  # gone after this many
+
+    def __post_init__(self) -> None:
+        shares = dict.fromkeys(("style_mixing", "camera_swap"), (0.0, 1.0))
+        require_ranges(self, "variety", shares | {"blur": (0, 100), "blur_fade": (1, MANY)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +98,11 @@ class AdversarialConfig:
                 f"training config: batch {self.batch} is no whole number of groups of "
                 f"{self.discriminator.group}; change either"
             )
-        if min(self.images, self.snapshot_every, self.report_every, self.losses.r1_every) < 1:
-            raise InputError("training config: lengths must be 1 or more")
+        lengths = dict.fromkeys(("images", "snapshot_every", "report_every"), (1, MANY))
+        require_ranges(self, "training", lengths | {"seed": (0, MANY)})
+        require_ranges(self.render, "render", {"samples": (2, 4096), "shell": (0.001, 10)})
+        require_ranges(self.render, "render", dict.fromkeys(("raw_size", "image_size"), (4, 4096)))
+        require_ranges(self.render, "render", {"nearest": (1, 4), "initial_alpha": (1e-4, 10)})
 
 
 MEDIUM = replace(

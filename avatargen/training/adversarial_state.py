@@ -10,7 +10,6 @@ OUT/pictures/000002000.png    people of the averaged generator
 import copy
 import dataclasses
 import io
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from pickle import UnpicklingError
@@ -20,11 +19,16 @@ import torch
 from torch import Tensor
 
 from avatargen.atomic import write_atomically
+from avatargen.body.model import Body
+from avatargen.data.dataset import Pictures
 from avatargen.errors import TrainingError
 from avatargen.generator.config import GeneratorConfig
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.run_folder import digest_arrays
 from avatargen.training.adversarial_config import AdversarialConfig, OptimizerConfig
 from avatargen.training.discriminator import Discriminator
+
+MAY_CHANGE = ("training.images", "data.folder")  # how long to train, and where the pictures lie
 
 
 @dataclass
@@ -126,50 +130,14 @@ def restore(state: State, path: Path) -> None:
         raise TrainingError(f"train: {path} cannot be continued ({error}); name another folder") from error
 
 
-def claim(out: Path, settings: dict[str, Any]) -> None:
-    """Make the folder this run's, or see that it is. How long to train may change between calls.
-
-    Raises:
-        TrainingError: it holds a run of other settings.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / "config.json"
-    if not path.exists():
-        write_atomically(path, json.dumps(settings, indent=1).encode())
-        return
-    try:
-        found = dict(json.loads(path.read_bytes()))
-    except (OSError, TypeError, ValueError, RecursionError) as error:
-        raise TrainingError(f"train: {path} is damaged ({str(error)[:200]}); name another folder") from error
-    differ = [name for name in settings if without_length(found.get(name)) != without_length(settings[name])]
-    if differ:
-        raise TrainingError(f"train: {out} holds a run with another {', '.join(differ)}; name another folder")
-
-
-def without_length(part: Any) -> Any:
-    part = json.loads(json.dumps(part))  # tuples become lists, as in the file
-    return {k: v for k, v in part.items() if k != "images"} if isinstance(part, dict) else part
-
-
 def describe(
-    config: AdversarialConfig, generator_config: GeneratorConfig, data: Path, start: str
+    config: AdversarialConfig, generator_config: GeneratorConfig, pictures: Pictures, body: Body, start: str
 ) -> dict[str, Any]:
-    """The settings as they are written beside the run."""
+    """All that a run depends on, as it is written beside it."""
     return {
         "training": dataclasses.asdict(config),
         "generator": dataclasses.asdict(generator_config),
-        "data": str(data.resolve()),
+        "data": {"folder": str(pictures.folder.resolve()), "contents": pictures.contents()},
+        "body": digest_arrays(vars(body)),
         "start": start,
     }
-
-
-def cut_log(path: Path, images: int) -> None:
-    """Drop the lines behind `images`, and a torn last one: the continued run writes them again."""
-    if not path.exists():
-        return
-    whole = [line for line in path.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
-    try:
-        kept = [line for line in whole if json.loads(line)["images"] <= images]
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise TrainingError(f"train: {path} is damaged ({str(error)[:200]}); name another folder") from error
-    write_atomically(path, b"".join(kept))

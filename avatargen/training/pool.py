@@ -14,6 +14,8 @@ from torch import Tensor
 from avatargen.atomic import write_atomically
 from avatargen.body.arrays import read_npz
 from avatargen.body.model import CanonicalBody
+from avatargen.errors import InputError
+from avatargen.generator.config import body_hash
 from avatargen.wardrobe import MARKS
 from avatargen.wardrobe.chart import Chart, Places
 
@@ -63,13 +65,22 @@ def make_pool(body: CanonicalBody, count: int, seed: int, deepest: float = 0.025
 
 
 def cached_pool(path: Path, body: CanonicalBody, count: int, seed: int) -> Places:
-    """The pool from its file, or made and written there."""
+    """The pool from its file, or made and written there.
+
+    Raises:
+        InputError: the file is damaged, or holds a pool of another size, seed or body.
+    """
     names = tuple(f.name for f in fields(Places))
+    made_from = f"{count} points, seed {seed}, body {body_hash(body)}"
     if path.exists():
-        arrays = read_npz(path, names, what="pool")
+        arrays = read_npz(path, (*names, "made_from"), what="pool")
+        found = str(arrays.get("made_from", "it does not say what"))
+        if found != made_from:
+            raise InputError(f"pool: {path} is of {found}, wanted {made_from}; remove it to make another")
         return Places(**{name: torch.from_numpy(arrays[name].copy()) for name in names})
     pool = make_pool(body, count, seed)
     stream = io.BytesIO()
-    np.savez(stream, **{name: getattr(pool, name).numpy() for name in names})
+    arrays = {name: getattr(pool, name).numpy() for name in names}
+    np.savez(stream, made_from=np.array(made_from), **arrays)
     write_atomically(path, stream.getvalue())
     return pool

@@ -26,11 +26,13 @@ from torch import Tensor
 
 from avatargen.atomic import write_atomically
 from avatargen.body.model import CanonicalBody
-from avatargen.errors import TrainingError
+from avatargen.errors import InputError, TrainingError
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import GeneratorConfig
 from avatargen.generator.decoder import BodyPoints, fit_reach
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.ranges import MANY, Range, require_ranges
+from avatargen.run_folder import claim, cut_log, digest_arrays
 from avatargen.training.learn_traits import learn_traits
 from avatargen.training.orbit import orbit_cameras
 from avatargen.training.pool import cached_pool, hangs
@@ -42,7 +44,35 @@ from avatargen.wardrobe.person import dress_up
 from avatargen.wardrobe.stature import Sizing
 
 OFF_BODY = 0.02  # m from the body where vertex features and the densest part of the pool end
+# how long to train and how often to tell of it; the learning rate falls by the length that is given last
+MAY_CHANGE = tuple(f"training.{name}" for name in ("steps", "save_every", "report_every"))
 HELD_OUT_STEP = 2**40  # first of the steps that no training reaches
+
+
+RANGES: dict[str, Range] = {
+    "steps": (0, MANY),
+    "trait_steps": (0, MANY),
+    "people": (1, 100_000),
+    "points": (1, 1_000_000),
+    "candidates": (1, 1000),
+    "skirts": (0, 1),
+    "searched": (1, 1_000_000),
+    "learning_rate": (1e-12, 10),
+    "final_learning_rate": (0, 1),
+    "field_rate": (1e-6, 1e6),
+    "warm_up": (0, MANY),
+    "averaging": (0, 1),
+    "distance_unit": (1e-6, 1e6),
+    "colour_weight": (0, 1e6),
+    "betas_weight": (0, 1e6),
+    "band": (1e-6, 10),
+    "colour_band": (1e-6, 10),
+    "pool": (1000, 100_000_000),
+    "seed": (0, MANY),
+    "held_out_batches": (1, MANY),
+    "save_every": (1, MANY),
+    "report_every": (1, MANY),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +103,17 @@ class WarmStartConfig:
     held_out_batches: int = 8
     save_every: int = 250
     report_every: int = 25
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "warm start", RANGES)
+        wanted = self.points * self.candidates // 2  # half of a person's points, where cloth hangs free
+        if self.searched < wanted:
+            raise InputError(
+                f"warm start: found searched {self.searched}, wanted {wanted} or more, half of points times "
+                "candidates; raise it or lower them"
+            )
+        if self.people * self.points * self.candidates > MANY:
+            raise InputError("warm start: people, points and candidates make too many; lower one of them")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -320,14 +361,19 @@ def train(
     `report` takes a progress line now and then.
 
     Writes `generator.safetensors` (the averaged weights), `state.pt` to continue from, `log.jsonl` with
-    held-out errors, `config.json`, and `pool.npz`, which any run on the same body may share.
+    held-out errors, `config.json`, and `pool.npz`, which any run of the same pool, seed and body may share.
+
+    Raises:
+        InputError: the folder holds another run, or a pool of another.
+        TrainingError: the loss is not finite, or the saved state is damaged.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    write_atomically(out / "config.json", json.dumps(asdict(config), indent=1).encode())
+    settings = describe(generator_config, config, body, coarser)
+    claim(out, "config.json", settings, "warm start", made=["state.pt"], free=MAY_CHANGE)
     stream = Stream(cached_pool(out / "pool.npz", body, config.pool, config.seed), config, body)
     state = new_state(generator_config, config, body, coarser)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
+        cut_log(out / "log.jsonl", "step", state.step, "warm start")
     elif coarser is None and config.trait_steps:
         learn_traits(state.generator.mapping, config.trait_steps, config.seed, report)
         state.average.mapping.load_state_dict(state.generator.mapping.state_dict())
@@ -340,14 +386,30 @@ def train(
             recent = []
         if state.step % config.save_every == 0 or state.step == config.steps:
             errors = held_out(state.average, stream, config)
-            save_state(state, out / "state.pt")
-            finish(state, config, errors, out / "generator.safetensors")
-            with (out / "log.jsonl").open("a") as log:
+            with (out / "log.jsonl").open("a") as log:  # before the state: a line behind it is cut off
                 log.write(
                     json.dumps({"step": state.step, "people": state.step * config.people, **asdict(errors)})
                     + "\n"
                 )
+            save_state(state, out / "state.pt")
+            finish(state, config, errors, out / "generator.safetensors")
     return errors
+
+
+def describe(
+    networks: GeneratorConfig,
+    config: WarmStartConfig,
+    body: CanonicalBody,
+    coarser: dict[str, Tensor] | None,
+) -> dict[str, Any]:
+    """All that a run depends on, as it is written beside it."""
+    start = coarser and digest_arrays({name: value.numpy() for name, value in coarser.items()})
+    return {
+        "training": asdict(config),
+        "generator": asdict(networks),
+        "body": digest_arrays(vars(body.source)),
+        "start": start,
+    }
 
 
 def finish(state: State, config: WarmStartConfig, errors: Errors, path: Path) -> None:

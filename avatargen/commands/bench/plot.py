@@ -3,14 +3,12 @@ noise."""
 
 import io
 from collections.abc import Sequence
-from importlib.util import find_spec
 from typing import Any
 
 from avatargen.commands.bench.compare import Comparison
 from avatargen.commands.bench.recipes import RecipeRow, Refusal
 from avatargen.commands.bench.sweep import MappingRow, RayRow, SurfaceRow, TextureRow
 from avatargen.commands.bench.tables import grouped, median
-from avatargen.errors import InputError
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -20,12 +18,6 @@ def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         if not kept or error < kept[-1][1]:
             kept.append((cost, error))
     return kept
-
-
-def require_matplotlib() -> None:
-    """Raises InputError where matplotlib is not installed."""
-    if find_spec("matplotlib") is None:
-        raise InputError("found no matplotlib to draw the plot with; run pip install 'avatargen[bench]'")
 
 
 def draw(

@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import FEWEST_FACES, LARGEST_SEED, MOST_FACES, parse_options, run_command
 from avatargen.errors import InputError
+from avatargen.ranges import require_ranges
 
 if TYPE_CHECKING:
     from avatargen.avatar import AvatarSampler
@@ -33,6 +34,12 @@ class Grid:
     default: tuple[int, int] = (512, 20_000)  # resolution and faces of the mesh under textures and poses
     peer: tuple[int, int, int] = (256, 20_000, 1024)  # resolution, faces and texture of the peers' recipe
     ours: tuple[int, int, int] = (512, 20_000, 1024)
+
+    def __post_init__(self) -> None:
+        sizes = dict.fromkeys(("resolutions", "truth"), (32, 2048)) | {"neighbours": (1, 4)}
+        sizes |= {"faces": (FEWEST_FACES, MOST_FACES), "textures": (16, 8192), "steps": (2, 4096)}
+        recipes = dict.fromkeys(("default", "peer", "ours"), (16, MOST_FACES))
+        require_ranges(self, "bench", sizes | recipes | {"points": (100, 10**8)})
 
 
 QUICK = Grid(
@@ -80,10 +87,7 @@ class Results:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:
@@ -96,13 +100,15 @@ def run(options: Options) -> None:
     from avatargen.atomic import check_writable, write_together
     from avatargen.commands.bench import plot
     from avatargen.commands.bench.curves import curves
+    from avatargen.extras import require_extra
 
     if not options.seeds:
         raise InputError("found no seeds to measure; give one or more")
+    require_ranges(options, "bench", {"seeds": (0, LARGEST_SEED)})
     if options.scenes:
         run_scenes(options)
         return
-    plot.require_matplotlib()
+    require_extra("matplotlib")
     options.out.mkdir(parents=True, exist_ok=True)
     check_writable(options.out / "bench.json")
     grid = QUICK if options.quick else options.grid

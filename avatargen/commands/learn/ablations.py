@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 
 PROGRAM = "avatargen eval ablations"
 
@@ -31,10 +31,7 @@ class Options:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:
@@ -45,11 +42,13 @@ def run(options: Options) -> None:
     from avatargen.avatar import training_body
     from avatargen.commands.learn.train import accelerator_for
     from avatargen.data.dataset import open_pictures
+    from avatargen.extras import require_extra
     from avatargen.metrics.ablations import run_ablations, table
     from avatargen.training.adversarial_config import PRESETS
 
+    require_extra("accelerate", "embreex")
     base = PRESETS[options.preset]
-    base = replace(base, images=options.images or base.images)
+    base = base if options.images is None else replace(base, images=options.images)
     size = base.render.image_size
     rows = run_ablations(
         base,

@@ -1,6 +1,5 @@
 """avatargen body convert: an SMPL body file, .pkl or .npz, saved as the .npz that everything here reads."""
 
-from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,12 +14,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser = OneLineParser(PROGRAM, description=__doc__)
         parser.add_argument("source", type=Path, metavar="MODEL.pkl", help="a body in SMPL's format")
         parser.add_argument("target", type=Path, metavar="BODY.npz", help="where to write")
-        convert(parser.parse_args(arguments))
+        given = parser.parse_args(arguments)
+        convert(given.source, given.target)
 
     return run_command(PROGRAM, command)
 
 
-def convert(given: Namespace) -> None:
+def convert(source: Path, target: Path) -> None:
     """Read, check and save one body file.
 
     Raises:
@@ -29,9 +29,9 @@ def convert(given: Namespace) -> None:
     from avatargen.atomic import check_writable
     from avatargen.body.load import load_body, save_body
 
-    if given.target.suffix.lower() != ".npz":
-        raise InputError(f"found the target {given.target}; give a name that ends in .npz")
-    check_writable(given.target)
-    body = load_body(given.source)
-    save_body(body, given.target)
-    print(given.target)
+    if target.suffix.lower() != ".npz":
+        raise InputError(f"found the target {target}; give a name that ends in .npz")
+    check_writable(target)
+    body = load_body(source)
+    save_body(body, target)
+    print(target)

@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +14,7 @@ from avatargen.commands.progress import progress_line
 from avatargen.errors import InputError
 
 if TYPE_CHECKING:
-    from argparse import Namespace
-
+    from avatargen.data.conventions import Convention
     from avatargen.data.photograph import Settings
 
 PROGRAM = "avatargen data prepare"
@@ -27,7 +27,33 @@ examples:
 """
 
 
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Photographs and what is known of them, how they are made pictures of a data set, and where."""
+
+    images: Path
+    masks: Path | None
+    segment: str | None  # module:function
+    keypoints: Path | None
+    labels: Path
+    smpl: Path | None
+    body: Path | None
+    convention: "Convention"
+    size: int  # pixels a side
+    focal: float | None  # share of the height
+    shape: str | None  # given or mean
+    no_mirror: bool
+    no_balance: bool
+    workers: int | None
+    out: Path
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
+    return run_command(PROGRAM, lambda: run(parse(arguments)))
+
+
+def parse(arguments: Sequence[str] | None) -> Options:
+    """Raises InputError where an argument is bad."""
     parser = OneLineParser(
         PROGRAM,
         description=__doc__,
@@ -38,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add = parser.add_argument
     add("--workers", type=whole_number(1, 256), metavar="N", help="processes (default: one a core)")
     add("--out", type=Path, required=True, metavar="DIR", help="where to write")
-    return run_command(PROGRAM, lambda: run(parser.parse_args(arguments)))
+    return Options(**vars(parser.parse_args(arguments)))
 
 
 def add_sources(parser: OneLineParser) -> None:
@@ -80,7 +106,7 @@ def add_settings(parser: OneLineParser) -> None:
     add("--no-balance", action="store_true", help="show all pictures alike, whatever side they show")
 
 
-def run(given: "Namespace") -> None:
+def run(given: Options) -> None:
     """Prepare, and say what came of it."""
     with progress_line() as show:
         show("loading libraries", 0.0)
@@ -111,7 +137,7 @@ def run(given: "Namespace") -> None:
     print(given.out / "dataset.json")
 
 
-def settings_of(given: "Namespace") -> "Settings":
+def settings_of(given: Options) -> "Settings":
     from avatargen.data.photograph import Settings
 
     return Settings(

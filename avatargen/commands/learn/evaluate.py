@@ -1,7 +1,7 @@
 """avatargen eval: how good a generator's people are, beside real pictures that it has not seen.
 
-    avatargen eval --weights runs/first/generator.safetensors --data data/held_out --reference data/train \\
-        --out runs/first/eval.json
+avatargen eval --weights runs/first/generator.safetensors --data data/held_out --out runs/first/eval.json
+avatargen eval --weights ... --data data/held_out --reference data/train --out runs/first/eval.json
 """
 
 import json
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 from avatargen.metrics.evaluate import EvalConfig
 
 PROGRAM = "avatargen eval"
@@ -23,10 +23,11 @@ class Options:
     """The generator."""
     data: Path
     """Held-out pictures with dataset.json."""
-    reference: Path
-    """Other real pictures, for the joint estimator and for what real pictures reach."""
     out: Path
     """Where to write, .json."""
+    reference: Path | None = None
+    """Other real pictures, for the joint estimator and for what real pictures reach; without them half of the
+    held-out ones."""
     body: Path | None = None
     """The body that the labels are of, where it is not the shipped one."""
     inception: Path | None = None
@@ -35,33 +36,30 @@ class Options:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:
     """Load, measure, print, write."""
     from avatargen.atomic import check_writable, write_atomically
     from avatargen.avatar import training_body
-    from avatargen.data.dataset import open_pictures
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.generator.picture import CanonicalSurface
-    from avatargen.metrics.evaluate import evaluate
+    from avatargen.metrics.evaluate import data_and_reference, evaluate
     from avatargen.metrics.features import load_inception, random_features
 
     check_writable(options.out)
     checkpoint = load_checkpoint(options.weights)
     size = checkpoint.generator.config.render.image_size
+    data, reference = data_and_reference(options.data, options.reference, size)
     features = ("frechet distance", random_features)
     if options.inception is not None:
         features = ("FID", load_inception(options.inception))
     report = evaluate(
         checkpoint.generator,
         CanonicalSurface(training_body(options.body)),
-        open_pictures(options.data, size),
-        open_pictures(options.reference, size),
+        data,
+        reference,
         features,
         options.measure,
     )

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
 from avatargen.metrics.evaluate import EvalConfig
 
@@ -29,10 +29,11 @@ class Options:
     """Folders of runs."""
     data: Path
     """Held-out pictures with dataset.json."""
-    reference: Path
-    """Other real pictures, for the joint estimator and for what real pictures reach."""
     out: Path
     """Folder for runs.json, runs.md and, where matplotlib is installed, runs.png."""
+    reference: Path | None = None
+    """Other real pictures, for the joint estimator and for what real pictures reach; without them half of the
+    held-out ones."""
     body: Path | None = None
     """The body that the labels are of, where it is not the shipped one."""
     every: int = 1
@@ -53,10 +54,7 @@ class Row:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:
@@ -65,14 +63,22 @@ def run(options: Options) -> None:
 
     from avatargen.atomic import write_atomically, write_together
     from avatargen.avatar import training_body
+    from avatargen.data.dataset import open_pictures
     from avatargen.generator.picture import CanonicalSurface
+    from avatargen.run_folder import digest_arrays
 
     chosen = [(folder, path) for folder in options.runs for path in snapshots(folder, options.every)]
     surface = CanonicalSurface(training_body(options.body))
+    settings = {
+        **asdict(options.measure),
+        "data": open_pictures(options.data, 1).contents(),
+        "reference": options.reference and open_pictures(options.reference, 1).contents(),
+        "body": digest_arrays(vars(surface.body)),
+    }
     options.out.mkdir(parents=True, exist_ok=True)
     known, rows = read_rows(options.out / "runs.json"), []
     for folder, path in chosen:
-        rows.append(measure(folder, path, surface, options, known))
+        rows.append(measure(folder, path, surface, options, settings, known))
         print(one_line(rows[-1]), flush=True)
         rest = [row for row in known if row not in rows]
         write_atomically(options.out / "runs.json", as_json([*rows, *rest]))
@@ -121,25 +127,24 @@ def as_json(rows: Sequence[Row]) -> bytes:
 
 
 def measure(
-    folder: Path, path: Path, surface: "CanonicalSurface", options: Options, known: Sequence[Row]
+    folder: Path,
+    path: Path,
+    surface: "CanonicalSurface",
+    options: Options,
+    settings: dict[str, Any],
+    known: Sequence[Row],
 ) -> Row:
     """The row of a snapshot, measured unless it is known under the same settings."""
-    from avatargen.data.dataset import open_pictures
     from avatargen.generator.checkpoint import load_checkpoint
-    from avatargen.metrics.evaluate import evaluate
+    from avatargen.metrics.evaluate import data_and_reference, evaluate
     from avatargen.metrics.features import random_features
 
     checkpoint = load_checkpoint(path)
-    settings = {
-        **asdict(options.measure),
-        "data": str(options.data.resolve()),
-        "reference": str(options.reference.resolve()),
-    }
     for row in known:
         if row.weights_hash == checkpoint.weights_hash and row.measure == settings and row.run == folder.name:
             return row
     size = checkpoint.generator.config.render.image_size
-    data, reference = (open_pictures(one, size) for one in (options.data, options.reference))
+    data, reference = data_and_reference(options.data, options.reference, size)
     features = ("frechet distance", random_features)
     report = evaluate(checkpoint.generator, surface, data, reference, features, options.measure)
     return Row(

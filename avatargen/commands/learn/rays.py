@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 
 if TYPE_CHECKING:
     from avatargen.metrics.ray_cost import Cost
@@ -29,10 +29,7 @@ class Options:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:
@@ -45,7 +42,9 @@ def run(options: Options) -> None:
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.generator.picture import CanonicalSurface
     from avatargen.metrics.ray_cost import ray_costs, table
+    from avatargen.ranges import MANY, require_ranges
 
+    require_ranges(options, "eval rays", {"pictures": (1, MANY)})
     generator = load_checkpoint(options.weights or shipped("generator.safetensors")).generator
     data = open_pictures(options.data, generator.config.render.image_size)
     surface = CanonicalSurface(training_body())

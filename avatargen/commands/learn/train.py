@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
 from avatargen.training.adversarial_config import PRESETS, AdversarialConfig
 
@@ -42,8 +42,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def parse(words: list[str]) -> Options:
     """The options, with the preset named among them as the default of every other setting."""
-    import tyro
-
     chosen = PRESETS[preset_of(words)]
 
     def options(
@@ -75,7 +73,7 @@ def parse(words: list[str]) -> Options:
             dry_run=dry_run,
         )
 
-    return tyro.cli(options, prog=PROGRAM, args=words)
+    return parse_options(PROGRAM, options, words)
 
 
 def preset_of(words: list[str]) -> str:
@@ -96,6 +94,7 @@ def run(options: Options) -> None:
     """Open the data, load the weights to start from, and train."""
     from avatargen.avatar import shipped, training_body
     from avatargen.data.dataset import open_pictures
+    from avatargen.extras import require_extra
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.training.adversarial import train
 
@@ -103,6 +102,7 @@ def run(options: Options) -> None:
     if options.dry_run:
         print(config)
         return
+    require_extra("accelerate")
     pictures = open_pictures(options.data, config.render.image_size)
     path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
     accelerator = accelerator_for(config)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 from avatargen.training.warm_start import WarmStartConfig
 
 PROGRAM = "avatargen train warm-start"
@@ -29,10 +29,7 @@ class Options:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    import tyro
-
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:

@@ -3,14 +3,15 @@
 Only what bad arguments need is imported at the top.
 """
 
-from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from avatargen.atomic import check_writable
 from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
 from avatargen.errors import InputError
+from avatargen.extras import require_extra
 
 if TYPE_CHECKING:
     from assets.asset.asset import PlainAsset
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 PROGRAM = "avatargen render"
 RESTS = ("a", "t", "x")
+FILMS = (".gif", ".mp4", ".webp")
 EXAMPLES = """\
 examples:
   avatargen render 3                                    # avatar_3.png: front, back and face
@@ -27,11 +29,33 @@ examples:
 """
 
 
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Who is drawn, how, and into which files."""
+
+    source: str  # a seed, or a .glb file
+    out: Path | None  # still picture, or film of a clip
+    turntable: Path | None
+    pose: str | None  # a name, or an .npz file
+    clip: str | None
+    rest: str  # pose in which a file rests
+    views: str  # names with commas between them
+    height: int | None  # pixels
+    frames: int  # of a turn
+    seconds: int  # of a turn
+    fps: int  # of a clip
+    wireframe: bool
+    transparent: bool
+    weights: Path | None
+    body: Path | None
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     return run_command(PROGRAM, lambda: run(parse(arguments)))
 
 
-def parse(arguments: Sequence[str] | None) -> Namespace:
+def parse(arguments: Sequence[str] | None) -> Options:
+    """Raises InputError where an argument is bad."""
     parser = OneLineParser(
         PROGRAM,
         description="Draw a person, given by seed or as a .glb file, into a picture, a turntable or a film.",
@@ -62,10 +86,10 @@ def parse(arguments: Sequence[str] | None) -> Namespace:
     add("--transparent", action="store_true", help="no background; the shadow stays")
     add("--weights", type=Path, metavar="FILE", help="other weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format")
-    return parser.parse_args(arguments)
+    return Options(**vars(parser.parse_args(arguments)))
 
 
-def run(given: Namespace) -> None:
+def run(given: Options) -> None:
     """Check, get the asset, draw, write; the paths written are printed.
 
     Raises:
@@ -75,15 +99,11 @@ def run(given: Namespace) -> None:
     still, film = outputs(given, seed)
     if given.clip and given.pose:
         raise InputError("found --clip and --pose, of which each decides how the person stands; give one")
-    films = {".gif", ".webp", ".mp4"}
-    for path, suffixes in ((still, films if given.clip else {".png"}), (film, films)):
-        if path is not None and path.suffix.lower() not in suffixes:
-            raise InputError(f"found {path}; give a name that ends in {' or '.join(sorted(suffixes))}")
-        if path is not None:
-            check_writable(path)
+    check_output(still, FILMS if given.clip else (".png",))
+    check_output(film, FILMS)
     from assets.picture.preview import PreviewConfig, render, turntable
     from avatargen.atomic import write_together
-    from exporters.film import FILMS
+    from exporters.film import FILMS as ENCODERS
     from exporters.png import encode_png
 
     def config(height: int) -> PreviewConfig:
@@ -98,15 +118,26 @@ def run(given: Namespace) -> None:
     asset = in_pose(load(given, seed), given)
     files: list[tuple[Path, bytes]] = []
     if still is not None and given.clip:
-        files.append((still, play(asset, given, still.suffix.lower(), config(480))))
+        files.append((still, play(asset, given.clip, given, still.suffix.lower(), config(480))))
     elif still is not None:
         files.append((still, encode_png(render(asset, config(768)))))
     if film is not None:
         frames = turntable(asset, given.frames, config(480))
-        files.append((film, FILMS[film.suffix.lower()](frames, float(given.seconds))))
+        files.append((film, ENCODERS[film.suffix.lower()](frames, float(given.seconds))))
     write_together(files)
     for path, _ in files:
         print(path)
+
+
+def check_output(path: Path | None, suffixes: Sequence[str]) -> None:
+    """Raises InputError where a file of that name cannot be made, or not there."""
+    if path is None:
+        return
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"found {path}; give a name that ends in {' or '.join(suffixes)}")
+    if path.suffix.lower() == ".mp4":
+        require_extra("av")
+    check_writable(path)
 
 
 def read_seed(source: str) -> int | None:
@@ -122,7 +153,7 @@ def read_seed(source: str) -> int | None:
     return None
 
 
-def outputs(given: Namespace, seed: int | None) -> tuple[Path | None, Path | None]:
+def outputs(given: Options, seed: int | None) -> tuple[Path | None, Path | None]:
     """Where the still picture and the film go; with neither named, a still picture here."""
     if given.out is None and given.turntable is None:
         stem = Path(given.source).stem if seed is None else f"avatar_{seed}"
@@ -130,7 +161,7 @@ def outputs(given: Namespace, seed: int | None) -> tuple[Path | None, Path | Non
     return given.out, given.turntable
 
 
-def load(given: Namespace, seed: int | None) -> "PlainAsset":
+def load(given: Options, seed: int | None) -> "PlainAsset":
     """The person, built or read."""
     if seed is None:
         from exporters.read_glb import read_glb
@@ -143,7 +174,7 @@ def load(given: Namespace, seed: int | None) -> "PlainAsset":
     return build(sampler.sample(seed), BuildConfig(pose=given.rest))
 
 
-def play(asset: "PlainAsset", given: Namespace, suffix: str, config: "PreviewConfig") -> bytes:
+def play(asset: "PlainAsset", clip: str, given: Options, suffix: str, config: "PreviewConfig") -> bytes:
     """The clip as a film. Its last moment is its first and is left out, so that it plays for ever.
 
     Raises:
@@ -154,16 +185,16 @@ def play(asset: "PlainAsset", given: Namespace, suffix: str, config: "PreviewCon
     from assets.picture.play import pictures
     from avatargen.motion.clips import make_clip
     from avatargen.motion.motion import in_place
-    from exporters.film import FILMS
+    from exporters.film import FILMS as ENCODERS
 
     if not isinstance(asset, Asset):
         raise InputError(f"found --clip for {given.source}, which has no skeleton; leave the clip out")
-    motion = in_place(make_clip(given.clip, figure_of(asset), float(given.fps)))
+    motion = in_place(make_clip(clip, figure_of(asset), float(given.fps)))
     frames = pictures(asset, animation_of(asset.skeleton, motion), config)[:-1]
-    return FILMS[suffix](frames, motion.seconds)
+    return ENCODERS[suffix](frames, motion.seconds)
 
 
-def in_pose(asset: "PlainAsset", given: Namespace) -> "PlainAsset":
+def in_pose(asset: "PlainAsset", given: Options) -> "PlainAsset":
     """The person in the pose asked for.
 
     Raises:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import tyro
 
-from avatargen.commands.line import run_command
+from avatargen.commands.line import parse_options, run_command
 
 if TYPE_CHECKING:
     from assets import Asset
@@ -56,8 +56,7 @@ class Row:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    options = tyro.cli(Options, prog=PROGRAM, args=arguments)
-    return run_command(PROGRAM, lambda: run(options))
+    return run_command(PROGRAM, lambda: run(parse_options(PROGRAM, Options, arguments)))
 
 
 def run(options: Options) -> None:
@@ -72,8 +71,10 @@ def run(options: Options) -> None:
     from avatargen.atomic import write_atomically
     from avatargen.export.people import open_people
     from avatargen.export.request import ExportRequest
+    from avatargen.ranges import require_ranges
     from exporters.glb import encode
 
+    require_ranges(options, "survey", {"first": (0, 2**62), "count": (1, 10**6), "height": (32, 4096)})
     request = ExportRequest(
         seeds=options.first, source=options.source, wardrobe=options.wardrobe, weights=options.weights
     )

@@ -7,11 +7,11 @@ import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import redirect_stdout
-from importlib.util import find_spec
 from pathlib import Path
 
 from avatargen.commands.line import OneLineParser, run_command, whole_number
 from avatargen.errors import InputError
+from avatargen.extras import require_extra
 
 PROGRAM = "avatargen view"
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -60,10 +60,7 @@ def run(given: Namespace) -> None:
     Raises:
         AvatarGenError: viser is not installed, the address cannot be used, or a file is bad.
     """
-    if find_spec("viser") is None:
-        raise InputError(
-            "found no viser, which shows the page; install it with pip install 'avatargen[view]'"
-        )
+    require_extra("viser", "websockets")
     for source in (given.weights, given.body):
         if source is not None and not source.is_file():
             raise InputError(f"found no file {source}; check the path")

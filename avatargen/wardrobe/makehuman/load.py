@@ -14,6 +14,7 @@ from jaxtyping import Float, Float32, Int64, UInt8
 from PIL import Image, UnidentifiedImageError
 from scipy.spatial import KDTree
 
+from avatargen.eight_bits import eight_bits
 from avatargen.errors import InputError
 from avatargen.wardrobe.makehuman.emblems import paint_out
 from avatargen.wardrobe.makehuman.fit import at_rest, fit
@@ -59,7 +60,7 @@ def read_texture(path: Path) -> UInt8[np.ndarray, "H W 4"]:
         with Image.open(path) as picture:
             if picture.width * picture.height > MAX_PIXELS:
                 raise InputError(f"wardrobe: {path} has {picture.size} texels; at most 8192 x 8192 are read")
-            return np.array(picture.convert("RGBA"))
+            return np.array(eight_bits(picture).convert("RGBA"))
     except (OSError, UnidentifiedImageError, ValueError) as error:
         raise InputError(f"wardrobe: cannot read the picture {path}: {error}; check it") from error
 
