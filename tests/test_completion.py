@@ -56,7 +56,7 @@ def complete(shell: str, line: str, tmp_path: Path) -> list[str]:
         "bash": f"COMP_WORDS=({' '.join(words[:-1])} '{words[-1]}'); COMP_CWORD={len(words) - 1}; "
         '_avatargen; printf "%s\\n" "${COMPREPLY[@]}"',
         "zsh": f"words=({' '.join(words[:-1])} '{words[-1]}'); CURRENT={len(words)}; "
-        "compadd() { print -l $found }; _files() { print files }; _avatargen",
+        "compadd() { print -l -- $found }; _files() { print files }; _avatargen",
         "fish": f"complete -C '{line}'",
     }[Path(shell).name]
     script = tmp_path / "script"
