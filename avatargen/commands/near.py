@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from avatargen.errors import InputError
 
 MOST = 3  # that are named
-NUMBER = re.compile(r"-\d+$|-\d*\.\d+$")
+OPTION = re.compile(r"--?[A-Za-z][^ ]*")
 
 
 def did_you_mean(found: str, known: Collection[str]) -> str:
@@ -30,7 +30,6 @@ def check_option_names(words: Sequence[str], known: Collection[str], program: st
         if word == "--":
             return
         name = word.split("=")[0]
-        if len(word) < 2 or word[0] != "-" or " " in word or NUMBER.match(word) or name in known:
-            continue
-        hint = did_you_mean(name, known) or ";"
-        raise InputError(f"found {name}, which is no option{hint} see {program} --help")
+        if OPTION.fullmatch(word) and name not in known:
+            hint = did_you_mean(name, known) or ";"
+            raise InputError(f"found {name}, which is no option{hint} see {program} --help")

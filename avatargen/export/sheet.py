@@ -12,7 +12,7 @@ from PIL import Image
 from assets.asset.asset import PlainAsset
 from assets.picture.preview import PreviewConfig, render
 from assets.picture.sheet import contact_sheet
-from avatargen.atomic import check_writable, different_targets, unwritable, write_atomically
+from avatargen.atomic import check_writable, unwritable, write_atomically
 from avatargen.errors import InputError
 from avatargen.export.request import ExportRequest
 from exporters import files_of
@@ -35,7 +35,7 @@ def draw(asset: PlainAsset) -> bytes:
 
 
 def open_sheet(request: ExportRequest, out: Path, seeds: Iterable[int]) -> None:
-    """Make the pictures' folder, and see that the sheet can be written over no file of a person.
+    """Make the pictures' folder, and see that the sheet can be written and takes the place of no person.
 
     Raises:
         InputError: it cannot, or the folder cannot be made.
@@ -48,8 +48,9 @@ def open_sheet(request: ExportRequest, out: Path, seeds: Iterable[int]) -> None:
         raise unwritable(folder, error) from error
     check_writable(request.sheet)
     for seed in seeds:
-        files = files_of(request.path_of(seed), request.encoding)
-        different_targets([request.sheet, picture_of(out, seed), *files])
+        files = [picture_of(out, seed), *files_of(request.path_of(seed), request.encoding)]
+        if request.sheet.resolve() in [file.resolve() for file in files]:
+            raise InputError(f"cannot write {request.sheet}: it is of seed {seed}; give another --sheet")
 
 
 def write_sheet(path: Path, out: Path, seeds: Iterable[int]) -> None:
@@ -62,10 +63,9 @@ def write_sheet(path: Path, out: Path, seeds: Iterable[int]) -> None:
     if not pictures:
         return
     width = max(picture.shape[1] for picture in pictures.values())
-    columns = math.ceil(math.sqrt(SHAPE * len(pictures) * PICTURE.height / width))
-    sheet = contact_sheet(
-        list(pictures.values()), min(columns, len(pictures)), [str(seed) for seed in pictures]
-    )
+    rows = max(1, round(math.sqrt(len(pictures) * width / (SHAPE * PICTURE.height))))
+    columns = math.ceil(len(pictures) / rows)
+    sheet = contact_sheet(list(pictures.values()), columns, [str(seed) for seed in pictures])
     encoding = Encoding(pictures="png" if path.suffix.lower() == ".png" else "jpeg")
     write_atomically(path, encoding.picture("sheet", sheet))
 
