@@ -26,7 +26,7 @@ def page() -> str:
     examples = "\n".join(line.strip() for line in EXAMPLES.splitlines()[1:])
     parts = [ABOUT, "## avatar-export", DESCRIPTION, f"```\n{examples}\n```"]
     for group in make_parser()._action_groups:
-        actions = [action for action in group._group_actions if action.option_strings]
+        actions = group._group_actions
         if actions and group.title != "options":  # argparse's own: help
             parts.append(f"### {(group.title or '').capitalize()}")
             parts.append(table(("option", "meaning", "default"), [row(action) for action in actions]))
@@ -37,8 +37,8 @@ def page() -> str:
 
 def row(action: Action) -> tuple[str, str, str]:
     """An option's line: how it is written, what it does, what holds without it."""
-    value = action.metavar or ",".join(map(str, action.choices or ())).join("{}")
-    written = action.option_strings[-1] + ("" if action.nargs == 0 else f" {value}")
+    value = str(action.metavar or "") or ",".join(map(str, action.choices or ())).join("{}")
+    written = " ".join([*action.option_strings[-1:], *([] if action.nargs == 0 else [value])])
     return f"`{written}`", DEFAULT.sub("", help_of(action)), default_of(action)
 
 

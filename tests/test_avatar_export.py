@@ -119,6 +119,24 @@ def test_seed_to_file_with_report_and_preview(model: Model, capsys: pytest.Captu
     assert Path("a.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_quiet_says_the_path_and_what_went_wrong(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
+    assert avatar_export.main(["3", "--quiet", *model.options]) == 0
+    assert capsys.readouterr() == ("avatar_3.glb\n", "")
+    assert avatar_export.main(["3", "--quiet", *model.options, "--pose", "none"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+
+
+def test_a_drawn_seed_is_said_and_makes_the_same_person_again(
+    model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert avatar_export.main(["random", "--out", "a.glb", *model.options]) == 0
+    drawn = capsys.readouterr().err.splitlines()[0]
+    assert (drawn.split()[0], drawn.split()[2:]) == ("seed", ["was", "drawn"])
+    assert avatar_export.main(["--seed", drawn.split()[1], "--out", "b.glb", *model.options]) == 0
+    assert Path("a.glb").read_bytes() == Path("b.glb").read_bytes()
+
+
 def test_every_format_from_the_command(model: Model, capsys: pytest.CaptureFixture[str]) -> None:
     """The command knows what `exporters` writes; the report names every file, the last line one."""
     assert {f".{name}" for name in options.FORMATS} == set(exporters.FORMATS)
@@ -191,7 +209,7 @@ def test_python_does_what_the_command_does(model: Model) -> None:
     for other in (replace(request, dry_run=True), replace(request, seeds=range(2), out=Path("many"))):
         with pytest.raises(InputError, match="wanted one seed"):
             avatargen.export_avatar(other)
-    with pytest.raises(InputError, match="wanted a range"):
+    with pytest.raises(InputError, match="wanted many"):
         avatargen.export_many(request)
     assert sorted(os.listdir()) == before
 

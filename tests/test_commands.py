@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from assets import BuildConfig
+from avatargen import __version__
 from avatargen.body.load import load_body
-from avatargen.commands import main
+from avatargen.commands import main, progress
 from avatargen.commands.export import avatar_export, options
 from avatargen.commands.line import run_command
 from avatargen.commands.progress import progress_line
@@ -64,8 +65,26 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["--seed", "3", "--texture", "1000000"], "--texture: found '1000000'"),
         (["--seed", "3", "--resolution", "high"], "--resolution: found 'high'"),
         (["--seed", "3", "--resolution", "4096"], "--resolution: found '4096'"),
-        (["--seed", "3", "--fac", "500"], "unrecognized arguments: --fac 500"),
-        (["--seed", "3", "extra"], "unrecognized arguments: extra"),
+        (["--seed", "3", "--fac", "500"], "found --fac, which is no option; did you mean --faces? see "),
+        (["--sede", "3"], "found --sede, which is no option; did you mean --seed?"),
+        (["-seed", "3"], "found -seed, which is no option; did you mean --seed?"),
+        (["3", "--text=64"], "found --text, which is no option; did you mean --texture or --texture-format?"),
+        (["3", "--color", "red"], "did you mean --hair-color or --top-color or --bottom-color?"),
+        (["3", "--xyzzy"], "found --xyzzy, which is no option; see avatar-export --help"),
+        (["3", "-x"], "found -x, which is no option; see avatar-export --help"),
+        (["--seed", "3", "extra"], "found 'extra', wanted a whole number from 0 to"),
+        (["three"], "argument SEED: found 'three', wanted a whole number from 0 to"),
+        (["-1"], "argument SEED: found '-1'"),
+        (["3", "5"], "unrecognized arguments: 5"),
+        (["3", "--seed", "4"], "found 3 and --seed 4; give one seed"),
+        (["3", "--seeds", "4:6"], "required: --seed or --seeds, one of them"),
+        (["--seed", "3:5"], "or random; many go to --seeds"),
+        (["--seed", "Random"], "found 'Random'"),
+        (["random", "--out", "a.fbx"], "found --out a.fbx"),
+        (["3", "--sheet", "a.png"], "found --sheet with one seed; give --seeds"),
+        (["--seeds", "3,5", "--out", "a", "--sheet", "a.gif"], "found --sheet a.gif; give a name that ends"),
+        (["--seeds", "3,5", "--out", "a", "--sheet", "none/a.png"], "cannot write none/a.png"),
+        (["--seeds", "0:1001", "--out", "a", "--sheet", "a.png"], "found --sheet with 1001 seeds"),
         (["--seed", "3", "--out", "a.glb", "--format", "vrm"], "give a name that ends in .vrm"),
         (["--seed", "3", "--out", "missing/a.glb"], "cannot write missing/a.glb: No such file or directory"),
         (
@@ -119,7 +138,7 @@ def test_help_answers_at_once_and_imports_nothing_heavy(command: str) -> None:
 
 def test_help_names_the_settings_own_defaults(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        options.parse(["--help"])
+        options.read(["--help"])
     text = " ".join(capsys.readouterr().out.split("the asset:")[1].split())
     config = BuildConfig()
     for name in ("faces", "texture", "resolution", "pose"):
@@ -333,6 +352,43 @@ def test_progress_is_silent_in_a_pipe_and_seen_on_a_terminal(monkeypatch: pytest
         assert ("extracting" in stream.getvalue()) == seen
 
 
+def test_a_pipe_hears_every_ten_seconds_if_at_all(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = 1000.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    for wanted, told in (
+        ({}, []),
+        ({"in_pipes": True, "quiet": True}, []),
+        (
+            {"in_pipes": True},
+            [
+                "2 of 9 in 0:00:14, about 0:00:49 left",
+                "4 of 9 in 0:00:28, about 0:00:35 left",
+                "6 of 9 in 0:00:42, about 0:00:21 left",
+                "8 of 9 in 0:00:56, about 0:00:07 left",
+            ],
+        ),
+    ):
+        with progress_line(**wanted) as show:
+            show("loading", 0.0)
+            for count in range(1, 10):
+                now += 7.0
+                show(f"{count} of 9", count / 9)
+        assert capsys.readouterr().err.splitlines() == told
+
+
+def test_nobody_who_hears_is_no_reason_to_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stderr", Broken())
+    monkeypatch.setattr(progress, "EVERY", 0.0)
+    with progress_line(in_pipes=True) as show:
+        show("1 of 2", 0.5)
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [
@@ -347,6 +403,47 @@ def test_avatargen_names_its_commands(
     err = fails(words, capsys, program=main)
     assert line in err
     assert "body convert" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["rendr", "3"], "render"),
+        (["avatar-export", "3"], "export"),
+        (["data", "prepair"], "data prepare"),
+        (["prepare", "--images", "a"], "data prepare"),
+        (["data"], "data synth or data prepare"),
+        (["train", "warmstart"], "train warm-start"),
+        (["eval", "run"], "eval runs"),
+        (["compl"], "completion"),
+        (["--hlep"], "--help"),
+    ],
+)
+def test_a_misspelt_command_is_answered_with_the_one_that_was_meant(
+    words: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    err = fails(words, capsys, program=main)
+    assert err.startswith("avatargen: found ")
+    assert f", which is no command; did you mean {meant}? see avatargen --help\n" in err
+
+
+def test_export_is_a_command_of_avatargen_too(capsys: pytest.CaptureFixture[str]) -> None:
+    printed = []
+    for program, words in ((main, ["export"]), (avatar_export, [])):
+        assert program.main([*words, "3", "--dry-run", "--faces", "900"]) == 0
+        printed.append(capsys.readouterr())
+    assert printed[0] == printed[1]
+    assert printed[0].out.startswith("avatar_3.glb: rigged\n")
+
+
+def test_the_package_runs_as_its_command() -> None:
+    code = [sys.executable, "-m", "avatargen"]
+    env = os.environ | {"PYTHONPATH": str(PROJECT)}
+    told = subprocess.run([*code, "--version"], env=env, capture_output=True, text=True)
+    assert (told.returncode, told.stdout) == (0, f"avatargen {__version__}\n")
+    wrong = subprocess.run([*code, "rendr"], env=env, capture_output=True, text=True)
+    assert (wrong.returncode, wrong.stdout) == (2, "")
+    assert wrong.stderr.startswith("avatargen: found 'rendr'")
 
 
 def test_every_command_of_the_table_exists() -> None:

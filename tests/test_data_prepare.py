@@ -513,3 +513,22 @@ def test_the_command(scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture
         main(["data", "prepare", "--images", "x", "--labels", "y", "--convention", "mine", "--out", "z"]) == 2
     )
     assert "eg3d" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["images", "masks", "keypoints", "labels", "smpl", "body"])
+def test_what_is_missing_is_named_before_any_work(
+    scene: Scene,
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = vars(sources(scene, "eg3d")) | {name: Path("none")}
+    words = [word for key, path in found.items() if path is not None for word in (f"--{key}", str(path))]
+    assert main(["data", "prepare", *words, "--convention", "eg3d", "--out", "out"]) == 2
+    out, err = capsys.readouterr()
+    kind = {"images": "folder", "masks": "folder", "keypoints": "file or folder", "labels": "file or folder"}
+    line = f"data prepare: found no {kind.get(name, 'file')} none; check --{name}"
+    assert (out, err) == ("", f"avatargen data prepare: {line}\n")
+    assert list(tmp_path.iterdir()) == []

@@ -5,21 +5,28 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pygltflib
 import pytest
+from PIL import Image
 
 import avatargen
+from assets.picture.sheet import WORD
+from avatargen.commands import progress
 from avatargen.commands.export import avatar_export
 from avatargen.commands.export.options import parse
 from avatargen.errors import AvatarGenError, InputError
 from avatargen.export import many as export_many
 from avatargen.export.manifest import NAME, Row, open_manifest
 from avatargen.export.many import Worker, bury
+from avatargen.export.seed import SeedExporter
 from tests.test_avatar_export import Model, command, in_an_empty_folder, model, outside
 
 __all__ = ["in_an_empty_folder", "model"]  # fixtures
@@ -106,6 +113,99 @@ def check_row(folder: Path, seed: int, row: dict) -> None:
     assert abs(row["faces"] - 2000) <= 40
     assert 0 < row["error_mm"]["mean"] <= row["error_mm"]["p99"] <= row["error_mm"]["max"]
     assert row["seconds"] > 0
+
+
+def size_of(path: str | Path) -> tuple[int, int]:
+    """Pixels of a picture."""
+    with Image.open(path) as picture:
+        return picture.size
+
+
+@pytest.fixture
+def without_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The work of the workers is done here, in the order of the seeds."""
+
+    def outcomes(request: avatargen.ExportRequest, todo: list[int]) -> Iterator[Row]:
+        return map(SeedExporter(request).export, todo)
+
+    monkeypatch.setattr(export_many, "outcomes", outcomes)
+
+
+@pytest.mark.usefixtures("without_processes")
+def test_a_sheet_shows_everybody_whoever_was_made_when(
+    model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One more, one whose picture is gone, one without a picture and none at all: always the sheet that one
+    run makes."""
+    words = ["--out", "crowd", *model.options]
+    made = (
+        (["--seeds", "3"], [], []),  # without a sheet
+        (["--seeds", "3,5", "--sheet", "crowd/sheet.png"], [], [3, 5]),
+        (["--seeds", "3,5,8", "--sheet", "crowd/sheet.png"], [], [8]),
+        (["--seeds", "3,5,8", "--sheet", "other.png"], ["pictures/avatar_5.png", "avatar_8.glb"], [5, 8]),
+        (["--seeds", "3,5,8", "--sheet", "again.png"], [], []),
+    )
+    for options, gone, seeds in made:
+        for name in gone:
+            (Path("crowd") / name).unlink()
+        before = len(rows(Path("crowd"))) if Path("crowd").exists() else 0
+        assert avatar_export.main([*options, *words]) == 0, capsys.readouterr().err
+        if "--sheet" in options:
+            assert [row["seed"] for row in rows(Path("crowd"))[before:]] == seeds
+            assert f"all of them in {options[3]}" in capsys.readouterr().err
+    whole = Path("crowd/sheet.png").read_bytes()
+    assert whole == Path("other.png").read_bytes() == Path("again.png").read_bytes()
+    pictures = [Image.open(f"crowd/pictures/avatar_{seed}.png") for seed in (3, 5, 8)]
+    sheet = np.asarray(Image.open("again.png"))
+    assert sheet.shape == (256 + WORD, 3 * max(picture.width for picture in pictures), 3)
+    cells = np.split(sheet[:256], 3, axis=1)
+    for picture, cell in zip(pictures, cells, strict=True):
+        left = (cell.shape[1] - picture.width) // 2
+        assert (cell[:, left : left + picture.width] == np.asarray(picture)).all()
+
+    Path("crowd/pictures/avatar_5.png").write_bytes(b"damaged")
+    for words_more, line in (
+        (["--seeds", "5,8", "--sheet", "no.png"], "crowd/pictures/avatar_5.png is no picture of ours"),
+        (
+            ["--seeds", "3,8", "--sheet", "crowd/pictures/avatar_3.png"],
+            "it is of seed 3; give another --sheet",
+        ),
+    ):
+        assert avatar_export.main([*words_more, *words]) == 2
+        out, err = capsys.readouterr()
+        assert (out, err.count("\n")) == ("", 1)
+        assert line in err
+    assert not Path("no.png").exists()
+    assert pictures[0].tobytes() == Image.open("crowd/pictures/avatar_3.png").tobytes()
+
+
+@pytest.mark.usefixtures("without_processes")
+def test_a_failed_seed_is_left_out_of_the_sheet_and_a_pipe_hears_how_far_it_is(
+    model: Model, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (Path("crowd") / "avatar_5.glb").mkdir(parents=True)
+    monkeypatch.setattr(progress, "EVERY", 0.0)
+    words = ["--seeds", "3,5,8", "--out", "crowd", "--sheet", "sheet.jpg", *model.options]
+    assert avatar_export.main(words) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert [line.split(" in ")[0] for line in told if " left" in line] == ["1 of 3", "2 of 3"]
+    assert told[-1].startswith("avatar-export: 1 of 3 seeds failed (5)")
+    assert sorted(os.listdir("crowd/pictures")) == ["avatar_3.png", "avatar_8.png"]
+    width = max(size_of(path)[0] for path in Path("crowd/pictures").iterdir())
+    assert size_of("sheet.jpg") == (2 * width, 256 + WORD)
+    (Path("crowd") / "avatar_5.glb").rmdir()
+    assert avatar_export.main([*words, "--quiet"]) == 0
+    assert capsys.readouterr() == ("crowd/manifest.jsonl\n", "")
+    assert size_of("sheet.jpg")[0] >= 3 * width
+
+
+def test_the_package_s_own_command_starts_workers(model: Model) -> None:
+    words = ["-m", "avatargen", "export", "--seeds", "3,5", "--jobs", "2", *model.options]
+    words += ["--out", "crowd", "--sheet", "crowd/sheet.png"]
+    run = subprocess.run([sys.executable, *words], env=outside(), capture_output=True, text=True)
+    assert (run.returncode, run.stdout) == (0, "crowd/manifest.jsonl\n"), run.stderr
+    assert sorted(row["seed"] for row in rows(Path("crowd"))) == [3, 5]
+    assert size_of("crowd/sheet.png")[1] == 256 + WORD
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The request of an export: made from the options, checked when made, and no field of it is forgotten."""
 
 import json
+from argparse import Action
 from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 
 from assets import BuildConfig
 from avatargen.commands.export import avatar_export
-from avatargen.commands.export.options import make_parser, parse
+from avatargen.commands.export.options import make_parser, parse, read
 from avatargen.errors import InputError
 from avatargen.export.fingerprint import facts, fingerprint, plain, settings
 from avatargen.export.manifest import open_manifest
@@ -23,6 +24,7 @@ WALKING = ("--seed", "3", "--clip", "walk")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
 CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "SEED": (("3",), ("4",)),
     "--seed": (ONE, ("--seed", "4")),
     "--seeds": (MANY, ("--seeds", "0:3", "--out", "crowd")),
     "--from": (ONE, (*ONE, "--from", "wardrobe")),
@@ -56,6 +58,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--compress": (ONE, (*ONE, "--compress", "quantize")),
     "--report": (ONE, (*ONE, "--report", "a.json")),
     "--preview": (ONE, (*ONE, "--preview", "a.png")),
+    "--sheet": (MANY, (*MANY, "--sheet", "a.png")),
     "--scene": (ONE, (*ONE, "--scene", "hero")),
     "--content": (ONE, (*ONE, "--content", "mesh")),
     "--resolution": (ONE, (*ONE, "--resolution", "64")),
@@ -86,8 +89,29 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--dry-run": (ONE, (*ONE, "--dry-run")),
 }
 # these change no byte of a seed's files; their fields say why
-UNCHANGING = {"--seed", "--seeds", "--out", "--report", "--preview", "--jobs", "--ray", "--dry-run"}
-OPTIONS = [action for action in make_parser()._actions if action.dest not in ("help", "version")]
+UNCHANGING = {
+    *(
+        "SEED",
+        "--seed",
+        "--seeds",
+        "--out",
+        "--report",
+        "--preview",
+        "--sheet",
+        "--jobs",
+        "--ray",
+        "--dry-run",
+    )
+}
+# these are no part of a request
+ASIDE = {"--quiet": "what is said, not what is made", "--help": "ends before", "--version": "ends before"}
+
+
+def name_of(action: Action) -> str:
+    return (action.option_strings or [str(action.metavar)])[-1]
+
+
+OPTIONS = [action for action in make_parser()._actions if name_of(action) not in ASIDE]
 
 
 @pytest.fixture(autouse=True)
@@ -105,7 +129,8 @@ def changed_fields(before: ExportRequest, after: ExportRequest) -> set[str]:
 
 def test_every_option_has_a_row_here() -> None:
     """An option more must say, in this table, what it changes."""
-    assert {action.option_strings[-1] for action in OPTIONS} == set(CHANGES)
+    assert {name_of(action) for action in OPTIONS} == set(CHANGES)
+    assert {name_of(action) for action in make_parser()._actions} == set(CHANGES) | set(ASIDE)
 
 
 @pytest.mark.parametrize("option", CHANGES)
@@ -122,9 +147,7 @@ def test_a_changed_option_changes_the_fingerprint_or_says_why_not(option: str) -
         assert changed - set(kept)
 
 
-@pytest.mark.parametrize(
-    "action", [each for each in OPTIONS if each.choices], ids=lambda action: action.option_strings[-1]
-)
+@pytest.mark.parametrize("action", [each for each in OPTIONS if each.choices], ids=name_of)
 def test_every_choice_of_an_option_is_a_fingerprint_of_its_own(action) -> None:
     words = CHANGES[action.option_strings[-1]][0]
     seen = [fingerprint(parse([*words, action.option_strings[-1], choice])) for choice in action.choices]
@@ -207,6 +230,29 @@ def test_a_request_without_options_is_the_command_without_options() -> None:
     assert parse([*MANY, *words]) == replace(wanted, scene="crowd")
 
 
+def test_one_seed_and_many_in_all_their_forms() -> None:
+    one = [["3"], ["--seed", "3"], ["--ends", "3"], ["3", "--ends"], ["--out", "a.glb", "3"]]
+    assert {parse(words).seeds for words in one} == {3}
+    for text, seeds in (
+        ("3,5,8", (3, 5, 8)),
+        ("8, 3,5:7", (8, 3, 5, 6)),
+        ("5:8,6,7:9", (5, 6, 7, 8)),
+        ("0:1000", range(1000)),
+        ("7", range(7, 8)),
+    ):
+        request = parse(["--seeds", text, "--out", "crowd"])
+        assert (request.seeds, request.many) == (seeds, True)
+        assert json.loads(json.dumps(facts(request)))["seeds"]
+    assert ExportRequest(seeds=[3, 5], out=Path("crowd")).seeds == (3, 5)
+
+
+def test_a_drawn_seed_is_another_each_time_and_one_of_ours() -> None:
+    drawn = [read(["--seed", "random"]) for _ in range(4)] + [read(["random"])]
+    assert all(options.drawn and 0 <= options.seed < 10**9 for options in drawn)
+    assert len({options.seed for options in drawn}) > 1
+    assert not read(["3"]).drawn
+
+
 def test_the_format_comes_from_the_name_and_the_path_from_both() -> None:
     assert ExportRequest(seeds=3).path_of(3) == Path("avatar_3.glb")
     assert ExportRequest(seeds=3, out=Path("a.GLTF")).format == "gltf"
@@ -222,6 +268,13 @@ def test_the_format_comes_from_the_name_and_the_path_from_both() -> None:
         ({"seeds": range(3, 2**63 + 1)}, "wanted whole numbers"),
         ({"seeds": range(3)}, "wants --out FOLDER"),
         ({"seeds": range(3), "out": Path("a"), "budget_s": 5.0}, "both are for one seed"),
+        ({"seeds": ()}, r"seeds: found \(\), wanted whole numbers"),
+        ({"seeds": (3, 5, -1)}, "seeds: found -1"),
+        ({"seeds": (3, 5, 3), "out": Path("a")}, "seeds: found 3 twice"),
+        ({"seeds": (3,)}, "wants --out FOLDER"),
+        ({"sheet": Path("a.png")}, "found --sheet with one seed"),
+        ({"seeds": range(3), "out": Path("a"), "sheet": Path("a.gif")}, "ends in .png or .jpg"),
+        ({"seeds": range(1001), "out": Path("a"), "sheet": Path("a.png")}, "found --sheet with 1001 seeds"),
         ({"jobs": 2}, "found --jobs with one seed"),
         ({"format": "fbx"}, "no known suffix"),
         ({"format": "vrm", "out": Path("a.glb")}, "ends in .vrm"),

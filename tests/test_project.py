@@ -19,6 +19,7 @@ MODULE_OF = {"pillow": "PIL", "libigl": "igl", "scikit-image": "skimage", "usd-c
 # what each package may import of ours; only the commands and the room of exports see everything
 ALLOWED = {"avatargen": {"avatargen"}, "assets": {"assets", "avatargen"}, "exporters": set(PACKAGES)}
 LEARNED = ("avatargen.generator", "avatargen.training", "avatargen.wardrobe")
+RUN = PROJECT / "avatargen" / "__main__.py"  # python -m avatargen
 EXPORT, COMMANDS = PROJECT / "avatargen" / "export", PROJECT / "avatargen" / "commands"
 FRONT = (
     PROJECT / "avatargen" / "__init__.py"
@@ -54,13 +55,17 @@ FLOORS = {
         "metrics",
         "export",
         "commands",
+        "__main__",
     ),
     "avatargen.commands": (
-        "line progress",
+        "near progress",
+        "line",
+        "seeds",
         "export",
         "bench learn viewer",
         "look stress",
         "main",
+        "completion",
     ),
 }
 LONGEST_FUNCTION, LONGEST_FILE = 60, 456  # lines; they may only become less
@@ -114,7 +119,7 @@ def test_imports_point_one_way(package: str) -> None:
     """exporters -> assets -> avatargen; then avatargen/export sees all three, and the commands see it."""
     for path in files_of(package):
         modules = ours(path)
-        if path.is_relative_to(COMMANDS):
+        if path.is_relative_to(COMMANDS) or path == RUN:
             continue
         assert not [module for module in modules if module.startswith("avatargen.commands")], path
         if path.is_relative_to(EXPORT) or path == FRONT:

@@ -71,7 +71,9 @@ def test_a_clip_becomes_a_film_on_the_spot(capsys: pytest.CaptureFixture[str]) -
     assert all(np.abs(one - other).max() > 40 for one, other in itertools.pairwise(seen))
 
 
-def test_a_seed_is_built_in_the_rest_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_seed_is_built_in_the_rest_pose(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     asked: list[Any] = []
 
     def build(avatar: Any, config: assets.BuildConfig) -> assets.Asset:
@@ -85,6 +87,9 @@ def test_a_seed_is_built_in_the_rest_pose(monkeypatch: pytest.MonkeyPatch) -> No
     assert main(["7", "--views", "front", "--pose", "wave", *SMALL]) == 0
     assert asked == [7, "a"]
     assert Image.open("avatar_7.png").height == 48
+    capsys.readouterr()
+    assert main(["random", "--views", "front", *SMALL]) == 0
+    assert capsys.readouterr() == (f"avatar_{asked[2]}.png\n", f"seed {asked[2]} was drawn\n")
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,13 @@
-"""The survey: one honest row a seed, and sheets that hold every picture."""
+"""The survey: one honest row a seed, and sheets of pictures."""
 
 import json
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
 from assets import BuildConfig, build
 from assets.errors import GeometryError
-from avatargen.commands.look.survey import Row, contact_sheet, main, summary
+from avatargen.commands.look.survey import Row, main, summary
 
 
 def row(seed: int, closed: bool, mean_mm: float) -> Row:
@@ -31,19 +30,6 @@ def test_summary_counts_and_takes_the_worst() -> None:
     assert found["mean_mm"] == 0.2
     assert found["worst_mean_mm"] == 0.3
     assert found["worst_max_mm"] == 4.0
-
-
-def test_sheet_holds_every_picture_whole_in_rows_of_four() -> None:
-    pictures = [
-        np.full((6, width, 3), shade, np.uint8) for shade, width in enumerate((4, 8, 5, 8, 3), start=1)
-    ]
-    sheet = contact_sheet(pictures)
-
-    assert sheet.shape == (12, 32, 3)
-    for i in range(5):
-        cell = sheet[i // 4 * 6 : i // 4 * 6 + 6, i % 4 * 8 : i % 4 * 8 + 8]
-        assert (cell == i + 1).all()
-    assert (sheet[6:, 8:] == 238).all()
 
 
 def test_survey_of_the_shipped_weights(tmp_path: Path) -> None:

@@ -19,14 +19,14 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
+from avatargen.commands.near import check_option_names
 from avatargen.errors import AvatarGenError, InputError
 
 Parsed = TypeVar("Parsed")
 RETRY = 0.05  # seconds until a signal that could not end the process comes again
 LARGEST_SEED = 2**63 - 1
-MOST_SEEDS = 1_000_000
 FEWEST_FACES, MOST_FACES = 100, 2_000_000
 
 
@@ -42,6 +42,11 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message}; see {self.prog} --help")
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:
+        words = sys.argv[1:] if args is None else args
+        check_option_names(words, self._option_string_actions, self.prog)
+        return super().parse_known_args(words, namespace)
 
 
 def run_command(program: str, command: Callable[[], None]) -> int:
@@ -232,18 +237,6 @@ def whole_number(low: int, high: int) -> Callable[[str], int]:
         return int(text)
 
     return parse
-
-
-def seed_range(text: str) -> range:
-    """An argument type: A:B, both plain decimal numbers, A < B."""
-    parts = text.split(":")
-    plain = len(parts) == 2 and all(part.isascii() and part.isdigit() and len(part) < 20 for part in parts)
-    first, end = (int(part) for part in parts) if plain else (0, 0)
-    if not first < end <= LARGEST_SEED or end - first > MOST_SEEDS:
-        raise argparse.ArgumentTypeError(
-            f"found {text!r}, wanted A:B with A < B, at most {MOST_SEEDS} seeds apart"
-        )
-    return range(first, end)
 
 
 def quantity(unit: str) -> Callable[[str], float]:

@@ -9,13 +9,16 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import takewhile
 from typing import NoReturn
 
 from avatargen import __version__
 from avatargen.commands.line import complain, leave, open_streams
+from avatargen.commands.near import did_you_mean
 from avatargen.errors import InputError
 
 PROGRAM = "avatargen"
+OPTIONS = ("--help", "--version")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +35,11 @@ class Command:
 
 
 COMMANDS = (
+    Command(
+        words=("export",),
+        summary="make people and write them to files: the same as avatar-export",
+        function="avatargen.commands.export.avatar_export:main",
+    ),
     Command(
         words=("body", "convert"),
         summary="read an SMPL .pkl safely and save it as .npz",
@@ -112,6 +120,11 @@ COMMANDS = (
         summary="stiff and extreme cases: what had to happen and what did",
         function="avatargen.commands.stress.run:main",
     ),
+    Command(
+        words=("completion",),
+        summary="what makes bash, zsh or fish complete these commands with the Tab key",
+        function="avatargen.commands.completion:main",
+    ),
 )
 
 
@@ -134,11 +147,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def find_command(words: Sequence[str]) -> Command:
     """The command whose words the line starts with. Raises InputError where there is none."""
     for command in COMMANDS:
-        if tuple(words[: len(command.words)]) == command.words:
+        if tuple(words[: len(command.words)]) == command.words and not misspelt(command, words):
             return command
-    known = ", ".join(" ".join(command.words) for command in COMMANDS)
-    found = " ".join(words[:2]) or "nothing"
-    raise InputError(f"found {found!r}, wanted one of: {known}; see {PROGRAM} --help")
+    known = [" ".join(command.words) for command in COMMANDS]
+    named = list(takewhile(lambda word: not word.startswith("-"), words))
+    found = " ".join(named[:2] or words[:1]) or "nothing"
+    near = did_you_mean(found, [*known, *OPTIONS]) or did_you_mean(found.split()[0], known)
+    wanted = f", which is no command{near}" if near else f", wanted one of: {', '.join(known)};"
+    raise InputError(f"found {found!r}{wanted} see {PROGRAM} --help")
+
+
+def misspelt(command: Command, words: Sequence[str]) -> bool:
+    """Whether the word after a command would have to be another command's: `train`, which takes options
+    alone, begins `train warm-start` too."""
+    count = len(command.words)
+    longer = [each for each in COMMANDS if each is not command and each.words[:count] == command.words]
+    return bool(longer) and len(words) > count and not words[count].startswith("-")
 
 
 def help_text() -> str:
@@ -151,7 +175,7 @@ def help_text() -> str:
             "",
             *lines,
             "",
-            f"{PROGRAM} COMMAND --help tells more; to export an avatar use avatar-export",
+            f"{PROGRAM} COMMAND --help tells more",
         ]
     )
 

@@ -47,6 +47,8 @@ MIRRORED = "_mirrored"
 class Sources:
     """Where photographs and what is known of them lie. Without masks, `images` must have an alpha channel or
     a segmentation be given; without keypoints, the labels' joints stand in for them.
+
+    Raises InputError where something of it is missing.
     """
 
     images: Path
@@ -55,6 +57,13 @@ class Sources:
     masks: Path | None = None
     keypoints: Path | None = None
     smpl: Path | None = None  # poses for cameras alone, see `avatargen.data.estimates`
+
+    def __post_init__(self) -> None:
+        for name, path in vars(self).items():
+            folder = name in ("images", "masks")
+            if path is not None and not (path.is_dir() if folder else path.exists()):
+                kind = "folder" if folder else "file or folder" if name in ("labels", "keypoints") else "file"
+                raise InputError(f"data prepare: found no {kind} {path}; check --{name}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,6 +21,7 @@ from avatargen.export.manifest import NAME, Row, open_manifest
 from avatargen.export.on_ray import ray_outcomes
 from avatargen.export.one import silent
 from avatargen.export.request import ExportRequest
+from avatargen.export.sheet import open_sheet, picture_of, write_sheet
 from avatargen.export.worker import work
 from avatargen.extras import require_extra
 
@@ -66,30 +67,39 @@ def unheard(row: Row) -> None:
 def export_many(
     request: ExportRequest, progress: Progress = silent, each: Callable[[Row], None] = unheard
 ) -> Batch:
-    """Make every seed of the range that the folder does not hold yet. `each` hears a row as it is written.
+    """Make every seed that the folder does not hold yet; with a sheet, also those whose picture it does not
+    hold. `each` hears a row as it is written.
 
     A seed that fails is a row that says why, and fails no other; the same request tries it again. Worker
     processes import the calling script, so a script calls this under `if __name__ == "__main__":`.
 
     Raises:
-        AvatarGenError: the request or a file is bad, the folder was made by another request, or workers
-            cannot start.
+        AvatarGenError: the request or a file is bad, the folder was made by another request, workers cannot
+            start, or the sheet cannot be written.
     """
-    if not isinstance(request.seeds, range) or request.out is None:
-        raise InputError("export_many: found one seed, wanted a range of them; see export_avatar")
+    if isinstance(request.seeds, int) or request.out is None:
+        raise InputError("export_many: found one seed, wanted many; see export_avatar")
     if request.ray is not None:
         require_extra("ray")
-    started, seeds = time.monotonic(), request.seeds
-    with open_manifest(request.out, fingerprint(request)) as manifest:
-        todo = [seed for seed in seeds if not manifest.holds(seed)]
+    started, seeds, out, sheet = time.monotonic(), request.seeds, request.out, request.sheet
+    with open_manifest(out, fingerprint(request)) as manifest:
+        if sheet is not None:
+            open_sheet(request, out, seeds)
+        todo = [
+            seed
+            for seed in seeds
+            if not manifest.holds(seed) or (sheet is not None and not picture_of(out, seed).exists())
+        ]
         ray = request.ray
         rows = outcomes(request, todo) if ray is None else ray_outcomes(ray, request, todo)
         for count, row in enumerate(rows, start=1):
             manifest.add(row)
             each(row)
             progress(f"{count} of {len(todo)}", count / len(todo))
+        if sheet is not None:
+            write_sheet(sheet, out, (seed for seed in seeds if manifest.rows[seed].error is None))
         return Batch(
-            manifest=request.out / NAME,
+            manifest=out / NAME,
             rows=tuple(manifest.rows[seed] for seed in seeds),
             made=len(todo),
             seconds=time.monotonic() - started,

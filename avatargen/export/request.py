@@ -2,11 +2,13 @@
 
     ExportRequest(seeds=3, out=Path("person.glb"))
     ExportRequest(seeds=range(1000), build=BuildConfig.for_scene("crowd"), out=Path("crowd"), jobs=4)
+    ExportRequest(seeds=(3, 5, 8), out=Path("three"), sheet=Path("three.png"))
 
 Every field is part of the request's fingerprint (`avatargen.export.fingerprint`) unless it says here why it
 changes no byte of a file.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -15,7 +17,7 @@ from assets.build_config import BuildConfig
 from assets.content import CONTENTS
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_source
+from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source
 from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
@@ -37,7 +39,9 @@ class ExportRequest:
     """One avatar into a file, or many into a folder. Raises InputError for what does not go together."""
 
     # what: the avatars
-    seeds: int | range = field(metadata=no_byte("says which files there are; each depends on its own seed"))
+    seeds: int | Sequence[int] = field(  # one, or many: a range stays one, others become a tuple
+        metadata=no_byte("says which files there are; each depends on its own seed")
+    )
     source: Source = "generator"  # wardrobe: the people that the generator learns from
     wardrobe: Path | None = None  # of the wardrobe's people: a folder of MakeHuman's assets that they wear
     weights: Path | None = None  # of another generator than the shipped one
@@ -70,9 +74,12 @@ class ExportRequest:
     out: Path | None = field(default=None, metadata=no_byte("where the bytes go"))  # None: avatar_SEED here
     report: Path | None = field(default=None, metadata=no_byte("a file of its own"))
     preview: Path | None = field(default=None, metadata=no_byte("a picture of its own"))
+    sheet: Path | None = field(default=None, metadata=no_byte("a picture of many, beside their files"))
     dry_run: bool = field(default=False, metadata=no_byte("nothing is written"))
 
     def __post_init__(self) -> None:
+        if not isinstance(self.seeds, int | range):
+            object.__setattr__(self, "seeds", tuple(self.seeds))
         check_seeds(self.seeds)
         check_source(
             source=self.source,
@@ -89,7 +96,9 @@ class ExportRequest:
             preview=self.preview,
             dry_run=self.dry_run,
             budget_s=self.budget_s,
+            sheet=self.sheet,
         )
+        check_sheet(self.sheet, 1 if isinstance(self.seeds, int) else len(self.seeds))
         check_chosen(
             tolerance_mm=self.tolerance_mm, budget_s=self.budget_s, fixed=("lods",) * any(self.levels)
         )
@@ -106,7 +115,7 @@ class ExportRequest:
     @property
     def many(self) -> bool:
         """Many go into a folder."""
-        return isinstance(self.seeds, range)
+        return not isinstance(self.seeds, int)
 
     @property
     def file_format(self) -> Format:
@@ -126,11 +135,18 @@ class ExportRequest:
         return self.out / name if self.many else self.out
 
 
-def check_seeds(seeds: int | range) -> None:
-    """Raises InputError where a seed is none, or there are none."""
-    numbers = seeds if isinstance(seeds, range) else (seeds,)
-    if not numbers or not all(0 <= number <= LARGEST_SEED for number in (numbers[0], numbers[-1])):
-        raise InputError(f"seeds: found {seeds!r}, wanted whole numbers from 0 to 2^63 - 1")
+def check_seeds(seeds: int | Sequence[int]) -> None:
+    """Raises InputError where a seed is none or there twice, or there are none."""
+    numbers = (seeds,) if isinstance(seeds, int) else seeds
+    if isinstance(numbers, range) and numbers:  # its ends tell of all
+        numbers = tuple(dict.fromkeys((numbers[0], numbers[-1])))
+    wrong = [number for number in numbers if not 0 <= number <= LARGEST_SEED]
+    if wrong or not numbers:
+        found = wrong[0] if wrong else seeds
+        raise InputError(f"seeds: found {found!r}, wanted whole numbers from 0 to 2^63 - 1")
+    if len(set(numbers)) < len(numbers):
+        twice = next(number for i, number in enumerate(numbers) if number in numbers[:i])
+        raise InputError(f"seeds: found {twice} twice, wanted each seed once")
 
 
 def check_held(request: ExportRequest, wanted: Format) -> None:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from avatargen.errors import InputError
 
+SHEETS = (".png", ".jpg", ".jpeg")
+MOST_ON_A_SHEET = 1_000
+
 
 def check_one_or_many(
     *,
@@ -17,17 +20,26 @@ def check_one_or_many(
     preview: Path | None,
     dry_run: bool,
     budget_s: float | None,
+    sheet: Path | None,
 ) -> None:
     """One seed goes into a file, many into a folder. Raises InputError for what only the other has."""
-    if not many and (jobs is not None or ray is not None):
-        name = "--ray" if jobs is None else "--jobs"
-        raise InputError(f"found {name} with one seed; give --seeds A:B, or leave it out")
+    for name, found in (("--jobs", jobs), ("--ray", ray), ("--sheet", sheet)):
+        if not many and found is not None:
+            raise InputError(f"found {name} with one seed; give --seeds A:B, or leave it out")
     if many and (out is None or report is not None or preview is not None):
         raise InputError("found --seeds, which wants --out FOLDER and takes neither --report nor --preview")
     if many and (dry_run or budget_s is not None):
         raise InputError("found --seeds with --dry-run or --budget; both are for one seed, so give --seed")
     if preview is not None and preview.suffix.lower() != ".png":
         raise InputError(f"found --preview {preview}; give a name that ends in .png")
+
+
+def check_sheet(sheet: Path | None, count: int) -> None:
+    """Raises InputError for a contact sheet of another kind, or of too many people."""
+    if sheet is not None and sheet.suffix.lower() not in SHEETS:
+        raise InputError(f"found --sheet {sheet}; give a name that ends in {' or '.join(SHEETS)}")
+    if sheet is not None and count > MOST_ON_A_SHEET:
+        raise InputError(f"found --sheet with {count} seeds; {MOST_ON_A_SHEET} go on one, so leave it out")
 
 
 def check_source(*, source: str | None, wardrobe: Path | None, weights: Path | None, chosen: bool) -> None:

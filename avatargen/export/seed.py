@@ -3,12 +3,15 @@
 import hashlib
 import time
 import warnings
+from pathlib import Path
 
+from assets.asset.asset import PlainAsset
 from avatargen.atomic import write_together
 from avatargen.errors import AvatarGenError
 from avatargen.export.manifest import Row
 from avatargen.export.one import Stopwatch, make_avatar, open_workshop, silent
 from avatargen.export.request import ExportRequest
+from avatargen.export.sheet import draw, picture_of
 from exporters import encode
 
 
@@ -29,7 +32,7 @@ class SeedExporter:
         try:
             made = make_avatar(self.workshop, seed, Stopwatch(silent))
             files = encode(made.asset, path, request.encoding)
-            write_together(files)
+            write_together([*self.picture(made.asset, seed), *files])
         except (AvatarGenError, MemoryError) as error:
             reason = str(error) or type(error).__name__
             return Row(seed=seed, error=reason, seconds=round(time.perf_counter() - started, 3))
@@ -43,3 +46,10 @@ class SeedExporter:
             height_m=made.asset.info.height_m and round(made.asset.info.height_m, 4),
             seconds=round(time.perf_counter() - started, 3),
         )
+
+    def picture(self, asset: PlainAsset, seed: int) -> list[tuple[Path, bytes]]:
+        """The person's picture for the sheet, where there is to be one."""
+        request = self.workshop.request
+        if request.sheet is None or request.out is None:
+            return []
+        return [(picture_of(request.out, seed), draw(asset))]

@@ -36,19 +36,26 @@ def export(arguments: Sequence[str] | None) -> None:
         AvatarGenError: an argument, file or field is bad; then nothing is written. Of many, some have failed;
             the others' files are there.
     """
-    from avatargen.commands.export.options import parse  # needs our `assets`: see `program`
+    from avatargen.commands.export.options import make_request, read  # need our `assets`: see `program`
 
-    with progress_line() as show:
-        request = parse(arguments, show)
+    given = read(arguments)
+    if given.drawn and not given.quiet:
+        print(f"seed {given.seed} was drawn", file=sys.stderr)
+    with progress_line(quiet=given.quiet, in_pipes=given.seeds is not None) as show:
+        show("loading libraries", 0.0)
+        request = make_request(given)
         if request.many:
             closing, path = export_range(request, show)
         elif request.dry_run:
             closing, path = plan_of(request), None
         else:
             closing, path = export_seed(request, show)
-    print(closing, file=sys.stdout if path is None else sys.stderr)
-    if path is not None:
-        print(path)
+    if path is None:
+        print(closing)
+        return
+    if not given.quiet:
+        print(closing, file=sys.stderr)
+    print(path)
 
 
 def plan_of(request: "ExportRequest") -> str:
@@ -110,7 +117,9 @@ def export_range(request: "ExportRequest", show: Show) -> tuple[str, Path]:
             "same command tries them again"
         )
     rate = f", {60 * batch.made / batch.seconds:.1f} a minute" if batch.made else ""
-    return f"{request.out}: {len(batch.rows)} avatars, {batch.made} of them made now{rate}", batch.manifest
+    sheet = f"; all of them in {request.sheet}" if request.sheet else ""
+    closing = f"{request.out}: {len(batch.rows)} avatars, {batch.made} of them made now{rate}{sheet}"
+    return closing, batch.manifest
 
 
 def tell_of_failure(row: "Row") -> None:

@@ -7,37 +7,30 @@ are left out stay None. Only what `--help` and bad arguments need is imported be
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from assets.scenes import DEFAULT, SCENES
 from avatargen import __version__
-from avatargen.atomic import check_writable
 from avatargen.commands.export import PROGRAM
+from avatargen.commands.export.checks import FORMATS, NAMED_POSES, check_options, given
 from avatargen.commands.line import (
     FEWEST_FACES,
-    LARGEST_SEED,
     MOST_FACES,
     OneLineParser,
     falling_numbers,
     positive_number,
     quantity,
-    seed_range,
     whole_number,
 )
-from avatargen.commands.progress import Show
+from avatargen.commands.seeds import RANDOM, draw_seed, many_seeds, one_seed
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_source
-from avatargen.wardrobe.choosing import VALUES, Traits, read_traits, shown, traits_of, worn_by
+from avatargen.wardrobe.choosing import VALUES, shown, worn_by
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
 
-# what `exporters` writes, which takes seconds to ask
-FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
 PICTURES = ("png", "jpeg", "webp")
-NAMED_POSES = ("x", "t", "a")
 DESCRIPTION = """\
 Make one clothed, textured, rigged human from a seed and write it to a file.
 
@@ -45,11 +38,14 @@ The last line on standard output is the path written. Exit status 0 means the fi
 bad input ends in one line on standard error, status 2 and no file."""
 EXAMPLES = """\
 examples:
+  avatar-export 3
   avatar-export --seed 3 --format glb
+  avatar-export --seed random
   avatar-export --seed 3 --out person.glb --report person.json --preview person.png
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
+  avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
   avatar-export --seed 3 --gender woman --hair long --bottom dress --height 1.70m
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
   avatar-export --seed 3 --scene print
@@ -59,17 +55,31 @@ examples:
 """
 
 
-def parse(arguments: Sequence[str] | None, show: Show = lambda doing, share: None) -> "ExportRequest":
-    """What the arguments ask for; `show` hears when libraries begin to load, after all that can be told
-    without them.
+def parse(arguments: Sequence[str] | None) -> "ExportRequest":
+    """What the arguments ask for.
 
     Raises:
         InputError: an argument is bad, a file is missing, or things are asked for that do not go together.
     """
-    options = make_parser().parse_args(arguments)
+    return make_request(read(arguments))
+
+
+def read(arguments: Sequence[str] | None) -> Namespace:
+    """The options, checked as far as can be told before libraries load; a seed is drawn where none is named.
+
+    Raises:
+        InputError: as `parse`.
+    """
+    options = make_parser().parse_intermixed_args(arguments)
+    if options.seed_alone is not None:
+        if options.seed is not None:
+            raise InputError(f"found {options.seed_alone} and --seed {options.seed}; give one seed")
+        options.seed = options.seed_alone
+    options.drawn = options.seed == RANDOM
+    if options.drawn:
+        options.seed = draw_seed()
     check_options(options)
-    show("loading libraries", 0.0)
-    return make_request(options)
+    return options
 
 
 def make_parser() -> ArgumentParser:
@@ -88,17 +98,18 @@ def make_parser() -> ArgumentParser:
 def add_person_options(group: _ArgumentGroup) -> None:
     """Who is made."""
     add = group.add_argument
+    add("seed_alone", nargs="?", type=one_seed, metavar="SEED", help="the same as --seed SEED")
     add(
         "--seed",
-        type=whole_number(0, LARGEST_SEED),
+        type=one_seed,
         metavar="N",
-        help="which person; the same seed gives the same file",
+        help="which person; the same seed gives the same file; random: one is drawn, and told",
     )
     add(
         "--seeds",
-        type=seed_range,
-        metavar="A:B",
-        help="instead of one: seeds A to B - 1, into the folder --out; the same command resumes",
+        type=many_seeds,
+        metavar="A:B,N,..",
+        help="instead of one: seeds A to B - 1, N, .., into the folder --out; the same command resumes",
     )
     add(
         "--from",
@@ -162,6 +173,12 @@ def add_file_options(group: _ArgumentGroup) -> None:
         help="also write sizes, seconds per stage and error in millimetres",
     )
     add("--preview", type=Path, metavar="FILE.png", help="also write a picture of the avatar")
+    add(
+        "--sheet",
+        type=Path,
+        metavar="FILE.png",
+        help="with --seeds: also write a contact sheet of all, .png or .jpg; their pictures stay in --out",
+    )
 
 
 def add_asset_options(group: _ArgumentGroup) -> None:
@@ -317,75 +334,9 @@ def add_work_options(group: _ArgumentGroup) -> None:
         metavar="ADDRESS",
         help="make --seeds on this Ray cluster (auto, HOST:PORT or ray://HOST:PORT)",
     )
+    add("--quiet", action="store_true", help="say nothing but the path written and what went wrong")
     add("--dry-run", action="store_true", help="say what would be done and left out, and stop")
     add("--version", action="version", version=f"avatargen {__version__}")
-
-
-def check_options(options: Namespace) -> None:
-    """All that can be told before libraries load. Raises InputError."""
-    if (options.seed is None) == (options.seeds is None):
-        raise InputError("the following arguments are required: --seed or --seeds, one of them")
-    many = options.seeds is not None
-    fixed = tuple(name for name in ("resolution", "faces", "lods") if getattr(options, name) is not None)
-    check_chosen(tolerance_mm=options.tolerance_mm, budget_s=options.budget_s, fixed=fixed)
-    if options.lods is not None and options.faces is not None:
-        raise InputError("found --faces and --lods, whose first number is that of faces; leave out --faces")
-    check_one_or_many(
-        many=many,
-        jobs=options.jobs,
-        ray=options.ray,
-        out=options.out,
-        report=options.report,
-        preview=options.preview,
-        dry_run=options.dry_run,
-        budget_s=options.budget_s,
-    )
-    options.traits = chosen_traits(options)
-    check_source(
-        source=options.source,
-        wardrobe=options.wardrobe,
-        weights=options.weights,
-        chosen=bool(options.traits.given()),
-    )
-    options.format = output_format(options)
-    outputs = () if many else (options.out or Path(f"avatar_{options.seed}.{options.format}"),)
-    for output in (*outputs, options.report, options.preview):
-        if output is not None:
-            check_writable(output)
-    for source in (options.weights, options.body, *(options.motions or ())):
-        if source is not None and not source.is_file():
-            raise InputError(f"found no file {source}; check the path")
-    if (
-        options.pose is not None
-        and options.pose.lower() not in NAMED_POSES
-        and not Path(options.pose).is_file()
-    ):
-        raise InputError(
-            f"found --pose {options.pose}, wanted one of {', '.join(NAMED_POSES)} or an .npz file that exists"
-        )
-
-
-def chosen_traits(options: Namespace) -> Traits:
-    """The traits of the file, and over them those of the options. Raises InputError."""
-    found = read_traits(options.traits_file).given() if options.traits_file else {}
-    return traits_of(found | given(Traits, options))
-
-
-def output_format(options: Namespace) -> str:
-    """--out and --format must agree, and each can stand in for the other."""
-    if options.out is None or options.seeds is not None:
-        return options.format or SCENES[options.scene].format
-    suffix = options.out.suffix.lower().removeprefix(".")
-    if suffix not in FORMATS:
-        raise InputError(
-            f"found --out {options.out}, wanted a name that ends in one of .{', .'.join(FORMATS)}"
-        )
-    if options.format is not None and suffix != options.format:
-        raise InputError(
-            f"found --out {options.out} with --format {options.format}; give a name that ends in "
-            f".{options.format}"
-        )
-    return suffix
 
 
 def make_request(options: Namespace) -> "ExportRequest":
@@ -413,16 +364,6 @@ def make_request(options: Namespace) -> "ExportRequest":
         ),
         **given(ExportRequest, options),
     )
-
-
-def given(group: type, options: Namespace) -> dict[str, Any]:
-    """The options that are fields of a group of settings and were not left out."""
-    found = {each.name: getattr(options, each.name, None) for each in fields(group)}
-    return {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in found.items()
-        if value is not None
-    }
 
 
 def format_name(text: str) -> str:

@@ -3,13 +3,15 @@
 Only what bad arguments need is imported at the top.
 """
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from avatargen.atomic import check_writable
-from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
+from avatargen.commands.line import OneLineParser, run_command, whole_number
+from avatargen.commands.seeds import RANDOM, draw_seed, is_seed
 from avatargen.errors import InputError
 from avatargen.extras import require_extra
 
@@ -62,7 +64,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
         examples=EXAMPLES,
     )
     add = parser.add_argument
-    add("source", metavar="SEED|FILE.glb", help="which person, or a file that avatar-export wrote")
+    add("source", metavar="SEED|FILE.glb", help="which person, random, or a file that avatar-export wrote")
     add(
         "--out",
         type=Path,
@@ -146,7 +148,9 @@ def read_seed(source: str) -> int | None:
     Raises:
         InputError: it is neither.
     """
-    if source.isascii() and source.isdigit() and len(source) < 30 and int(source) <= LARGEST_SEED:
+    if source == RANDOM:
+        return draw_seed()
+    if is_seed(source):
         return int(source)
     if Path(source).suffix.lower() != ".glb" or not Path(source).is_file():
         raise InputError(f"found {source!r}, which is no seed and no .glb file; give one of them")
@@ -170,6 +174,8 @@ def load(given: Options, seed: int | None) -> "PlainAsset":
     from assets import BuildConfig, build
     from avatargen import load_generator
 
+    if given.source == RANDOM:
+        print(f"seed {seed} was drawn", file=sys.stderr)
     sampler = load_generator(given.weights, body=given.body)
     return build(sampler.sample(seed), BuildConfig(pose=given.rest))
 

@@ -106,12 +106,13 @@ def run(options: Options) -> None:
 
 def write_outcome(out: Path, rows: list[Row], figures: list[np.ndarray], faces: list[np.ndarray]) -> None:
     """The table and the sheets; prints the summary."""
+    from assets.picture.sheet import contact_sheet
     from avatargen.atomic import write_atomically
     from exporters.png import encode_png
 
     write_atomically(out / "survey.json", json.dumps(summary(rows), indent=1).encode() + b"\n")
-    write_atomically(out / "sheet.png", encode_png(contact_sheet(figures)))
-    write_atomically(out / "faces.png", encode_png(contact_sheet(faces)))
+    write_atomically(out / "sheet.png", encode_png(contact_sheet(figures, COLUMNS)))
+    write_atomically(out / "faces.png", encode_png(contact_sheet(faces, COLUMNS)))
     print({name: value for name, value in summary(rows).items() if name != "rows"})
 
 
@@ -148,16 +149,3 @@ def summary(rows: list[Row]) -> dict[str, object]:
         "median_seconds": float(np.median([row.seconds for row in rows])),
         "rows": [asdict(row) for row in rows],
     }
-
-
-def contact_sheet(pictures: list[np.ndarray]) -> np.ndarray:
-    """Pictures of one height in rows of COLUMNS, each centred in a cell as wide as the widest."""
-    width = max(picture.shape[1] for picture in pictures)
-    cells = []
-    for picture in pictures:
-        left = (width - picture.shape[1]) // 2
-        pad = ((0, 0), (left, width - picture.shape[1] - left), (0, 0))
-        cells.append(np.pad(picture, pad, mode="edge"))
-    cells += [np.full_like(cells[0], 238)] * (-len(cells) % COLUMNS)
-    rows = [np.concatenate(cells[i : i + COLUMNS], axis=1) for i in range(0, len(cells), COLUMNS)]
-    return np.concatenate(rows, axis=0)
