@@ -48,7 +48,16 @@ def set_scene(server: viser.ViserServer) -> None:
     server.gui.main_panel.dock_right()
     server.scene.set_up_direction("+y")
     server.scene.add_grid("/ground", width=4, height=4, plane="xz", cell_size=0.25, section_size=1.0)
-    server.scene.configure_environment_map("studio", environment_intensity=0.25)
+    light(server.scene)
     server.initial_camera.position = (0.95, 1.3, 3.5)
     server.initial_camera.look_at = (0.0, 0.88, 0.0)
     server.initial_camera.fov = float(np.radians(40))
+
+
+def light(scene: viser.SceneApi) -> None:
+    """An even sky and one lamp before the person. viser's own lights stand behind and burn pale faces out; its
+    environment shines on every dark cloth."""
+    scene.configure_default_lights(enabled=False)
+    scene.configure_environment_map(None)
+    scene.add_light_hemisphere("/sky", sky_color=(255, 250, 245), ground_color=(170, 160, 150), intensity=2.2)
+    scene.add_light_directional("/lamp", intensity=1.0, position=(-0.6, 1.6, 1.4), cast_shadow=True)
