@@ -19,11 +19,10 @@ FLAGS = (
     "--no-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-    "--window-size=1280,800",
-    "--force-device-scale-factor=1",
     "--disable-background-networking",
     "--disable-component-update",
 )
+DESK, PHONE = (1280, 720), (390, 844)  # width and height of the page, pixels
 PATIENCE = 180.0  # seconds
 
 
@@ -44,13 +43,23 @@ class Browser:
     def open(self, address: str) -> None:
         self.ask("POST", "/url", url=address)
 
+    def resize(self, width: int, height: int) -> None:
+        """Let the page have so many pixels; one that is higher than wide is a phone's."""
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": height > width}
+        self.ask("POST", "/goog/cdp/execute", cmd="Emulation.setDeviceMetricsOverride", params=screen)
+
     def run(self, script: str, *arguments: Any) -> Any:
         """What a piece of JavaScript returns."""
         return self.ask("POST", "/execute/sync", script=script, args=list(arguments))
 
+    def press(self, *keys: str) -> None:
+        """Type on the keyboard, one key after the other."""
+        strokes = [{"type": kind, "value": key} for key in keys for kind in ("keyDown", "keyUp")]
+        self.ask("POST", "/actions", actions=[{"type": "key", "id": "keyboard", "actions": strokes}])
+
     def click(self, text: str) -> None:
         """Click what bears this text, once it is there."""
-        xpath = f"//*[normalize-space(text())='{text}']"
+        xpath = f"//body//*[normalize-space(text())='{text}']"
         element = wait(lambda: self.ask("POST", "/elements", using="xpath", value=xpath), f"{text!r}")[0]
         self.ask("POST", f"/element/{next(iter(element.values()))}/click")
 
@@ -63,7 +72,7 @@ class Browser:
 
 
 @contextmanager
-def browser(downloads: Path) -> Iterator[Browser]:
+def browser(downloads: Path, size: tuple[int, int] = DESK) -> Iterator[Browser]:
     """A tab in a browser and a driver of their own, both gone at the end; files go to `downloads`."""
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
@@ -79,7 +88,9 @@ def browser(downloads: Path) -> Iterator[Browser]:
         wanted = {"alwaysMatch": {"goog:chromeOptions": options}}
         session = request(f"{address}/session", "POST", {"capabilities": wanted})["sessionId"]
         try:
-            yield Browser(f"{address}/session/{session}")
+            tab = Browser(f"{address}/session/{session}")
+            tab.resize(*size)
+            yield tab
         finally:
             request(f"{address}/session/{session}", "DELETE", {})
     finally:

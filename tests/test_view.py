@@ -10,10 +10,13 @@ import sys
 import threading
 import time
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -40,14 +43,18 @@ from tests.bodies import capsule_body
 from tests.verdicts import require
 
 try:
+    import msgspec
     import viser
     from websockets.exceptions import InvalidStatus
     from websockets.sync.client import connect
     from websockets.typing import Origin, Subprotocol
 
-    from avatargen.commands.viewer.page import ERROR_LIMIT, LEVELS, STILL, Page
+    from avatargen.commands.viewer.camera import ROOM, place
+    from avatargen.commands.viewer.head import HEAD
+    from avatargen.commands.viewer.page import ERROR_LIMIT, LARGEST_SEED, LEVELS, STILL, Page
     from avatargen.commands.viewer.people import KEPT, People, Wish
     from avatargen.commands.viewer.server import PrivateServer, own_origins
+    from avatargen.commands.viewer.tabs import Tabs, set_scene
 except ModuleNotFoundError as error:
     require(False, f"the extra [view] ({error.name})")  # skips, or fails under CI
     pytest.skip("the extra [view] is not installed", allow_module_level=True)
@@ -74,17 +81,38 @@ def people(model: tuple[Path, Path]) -> People:
 @pytest.fixture(scope="module")
 def server() -> Iterator[PrivateServer]:
     server = PrivateServer(host="127.0.0.1", port=8710)
+    set_scene(server)
     yield server
     server.stop()
 
 
+@contextmanager
+def opened(server: PrivateServer, width: int = 1280, height: int = 720) -> Iterator[viser.ClientHandle]:
+    """A tab of a browser as the server knows it; nobody looks at it."""
+    known = set(server.get_clients())
+    address, protocol = f"ws://127.0.0.1:{server.get_port()}", Subprotocol(f"viser-v{viser.__version__}")
+    with connect(address, subprotocols=[protocol], max_size=None) as socket:
+        threading.Thread(target=lambda: [None for _ in socket], daemon=True).start()  # takes what is sent
+        where = {"wxyz": [1, 0, 0, 0], "position": [3, 3, 3], "look_at": [0, 0, 0], "up_direction": [0, 1, 0]}
+        sight = {"fov": 0.7, "near": 0.01, "far": 100, "image_width": width, "image_height": height}
+        socket.send(msgspec.msgpack.encode({"type": "ViewerCameraMessage", **where, **sight}))
+        browser.wait(lambda: set(server.get_clients()) - known, "the tab")
+        (number,) = set(server.get_clients()) - known
+        yield server.get_clients()[number]
+    browser.wait(lambda: number not in server.get_clients(), "the tab's end")
+
+
 @pytest.fixture
-def page(server: PrivateServer, people: People) -> Page:
-    server.gui.reset()
-    server.scene.reset()
-    page = Page(server, people, 3)
-    page.step()
-    return page
+def page(server: PrivateServer, people: People) -> Iterator[Page]:
+    with opened(server) as tab:
+        page = Page(tab, people, 3, lambda page: None)
+        page.step()
+        yield page
+        page.closed = True
+
+
+def quiet(stage: str, share: float) -> None:
+    """Progress that nobody hears of."""
 
 
 def settle(page: Page) -> None:
@@ -119,7 +147,7 @@ def test_a_clip_plays_on_the_spot_in_any_colours(page: Page, clip: str) -> None:
     assert animation.name == clip
     assert np.abs(animation.root[:, [0, 2]] - animation.root[0, [0, 2]]).max() < 1e-9
     assert page.wireframe.disabled
-    person = page.people.get(Wish(3), page.show_progress)
+    person = page.people.get(Wish(3), quiet)
     seen = page.colored(page.shape, person)
     assert isinstance(seen, Asset) and seen.animations == page.shape.animations
     name, data = page.file()
@@ -133,7 +161,7 @@ def test_a_clip_plays_on_the_spot_in_any_colours(page: Page, clip: str) -> None:
 
 
 def test_every_surface_is_a_file_with_its_own_colours(page: Page) -> None:
-    person, shape = page.people.get(Wish(3), page.show_progress), page.shape
+    person, shape = page.people.get(Wish(3), quiet), page.shape
     assert shape is not None
     found = {}
     for shown in ("texture", "shape", "skin weights", "error"):
@@ -162,10 +190,10 @@ def test_a_coarser_level_is_shown_measured_and_downloaded(page: Page, level: int
     coarse = wanted.levels[0]
     assert page.status.content.startswith(f"Seed 3: {len(coarse):,} triangles, error ")
     assert np.array_equal(page.asset.vertices[page.asset.faces], wanted.vertices[coarse])
-    sdf = page.people.get(Wish(3), page.show_progress).avatar.sdf
+    sdf = page.people.get(Wish(3), quiet).avatar.sdf
     assert page.asset.report.error == level_error(wanted, coarse, sdf)
-    drawn_glb: Any = page.server.scene.get_handle_by_name("/person")
-    edges: Any = page.server.scene.get_handle_by_name("/edges")
+    drawn_glb: Any = page.tab.scene.get_handle_by_name("/person")
+    edges: Any = page.tab.scene.get_handle_by_name("/edges")
     assert drawn_glb.glb_data == glb.encode(page.shape)
     assert np.array_equal(edges.faces, page.shape.faces)
     assert page.file() == ("avatar_3.glb", glb.encode(aim_bones(page.asset)))
@@ -175,7 +203,7 @@ def test_a_coarser_level_is_shown_measured_and_downloaded(page: Page, level: int
 
 
 def test_a_level_is_made_once(page: Page) -> None:
-    person = page.people.get(Wish(3), page.show_progress)
+    person = page.people.get(Wish(3), quiet)
     assert person.at(0) is person
     assert person.at(2) is person.at(2)
 
@@ -193,7 +221,7 @@ def test_a_person_is_built_once_and_the_last_few_are_kept(
     monkeypatch.setattr("avatargen.commands.viewer.people.build", build)
     own = People(page.people.sampler, page.people.settings)
     for seed in (0, 1, 2, 3, 0, 4, 0, 1):
-        person = own.get(Wish(seed, faces=4000), page.show_progress)
+        person = own.get(Wish(seed, faces=4000), quiet)
         assert person.avatar.seed == seed
     assert built == [(seed, 200) for seed in (0, 1, 2, 3, 4, 1)]  # 1 had made room for 4
     assert len(own.kept) == KEPT
@@ -204,21 +232,160 @@ def test_wishes_that_pile_up_are_drawn_once(page: Page, monkeypatch: pytest.Monk
     monkeypatch.setattr(page, "draw", lambda: drawn.append(1))
     for _ in range(5):
         page.want()
-    page.step()
+    for _ in range(5):
+        page.step()
     assert drawn == [1]
-    assert page.wanted.empty()
 
 
-def test_an_error_is_told_and_the_page_goes_on(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(wish: Wish, progress: object) -> None:
+def type_seed(page: Page, text: str) -> None:
+    page.typed.value = text
+    page.step()
+
+
+def test_a_seed_that_is_typed_is_the_person_shown(page: Page) -> None:
+    type_seed(page, " 08 ")
+    assert page.asset is not None and page.asset.info.seed == 8
+    assert page.status.content.startswith("Seed 8: ")
+    assert page.file()[0] == "avatar_8.glb"
+
+
+@pytest.mark.parametrize(
+    "text", ["1.5", "", "-1", "1e3", "0x1f", "٣", str(LARGEST_SEED + 1), "9" * 5000, "a`b"]
+)
+def test_what_is_no_seed_is_refused_and_all_stays(page: Page, text: str) -> None:
+    asset = page.asset
+    type_seed(page, text)
+    assert page.asset is asset and page.typed.value == "3"
+    said, kept = page.status.content.split("\n\n")
+    assert said.startswith("**found ") and "a seed is a whole number from 0 to" in said and len(said) < 120
+    assert kept.startswith("Seed 3: ")
+    type_seed(page, "3")
+    page.changed(viser.GuiEvent(client=page.tab, client_id=0, target=page.faces))
+    page.step()
+    assert page.status.content == kept
+
+
+def fake_build(
+    page: Page, monkeypatch: pytest.MonkeyPatch, happens: dict[int, Callable[[], None]]
+) -> list[int]:
+    """From now on building takes two stages, before the second of which something happens to a seed; the
+    seeds whose building came to its end."""
+    whole, done = page.asset, list[int]()
+    assert whole is not None
+
+    def build(avatar: Any, config: BuildConfig, progress: Callable[[str, float], None]) -> Asset:
+        progress("extract", 0.0)
+        happens.get(avatar.seed, lambda: None)()
+        progress("simplify", 0.5)
+        done.append(avatar.seed)
+        return replace(whole, info=replace(whole.info, seed=avatar.seed))
+
+    page.people = People(page.people.sampler, page.people.settings)
+    monkeypatch.setattr("avatargen.commands.viewer.people.build", build)
+    return done
+
+
+def test_a_newer_wish_ends_the_building_of_an_older_one(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = fake_build(page, monkeypatch, {2: lambda: setattr(page.typed, "value", "2047")})
+    type_seed(page, "2")
+    assert done == [] and page.asset is not None and page.asset.info.seed == 3
+    page.step()
+    assert done == [2047] and page.asset.info.seed == 2047
+    assert page.status.content.startswith("Seed 2047: ") and not page.progress.visible
+
+
+def test_the_view_changes_without_building_anew(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = fake_build(page, monkeypatch, {5: lambda: setattr(page.shown, "value", "shape")})
+    type_seed(page, "5")
+    page.step()
+    assert done == [5] and page.asset is not None and page.asset.info.seed == 5
+
+
+def test_nobody_is_built_for_a_tab_that_is_closed(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = fake_build(page, monkeypatch, {5: lambda: setattr(page, "closed", True)})
+    type_seed(page, "5")
+    assert done == []
+
+
+def test_who_cannot_be_built_leaves_the_controls_at_who_is_shown(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
         raise GeometryError("no surface here")
 
-    with monkeypatch.context() as patched:
-        patched.setattr(page.people, "get", fail)
+    fake_build(page, monkeypatch, {9: fail})
+    page.truncation.value, page.faces.value = 0.5, "8000"
+    type_seed(page, "9")
+    page.step()
+    assert (page.typed.value, page.truncation.value, page.faces.value) == ("3", 1.0, "20000")
+    said, kept = page.status.content.split("\n\n")
+    assert said == "**no surface here**" and kept.startswith("Seed 3: ")
+
+
+def seen_from(
+    position: np.ndarray, target: np.ndarray, points: np.ndarray, fov: float, aspect: float
+) -> np.ndarray:
+    """Where points lie in the picture of an upright camera: -1 to 1 to the right and up."""
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    local = (points - position) @ np.stack([right, np.cross(right, forward), forward], axis=1)
+    return local[:, :2] / local[:, 2:] / np.tan(fov / 2) / [aspect, 1.0]
+
+
+@pytest.mark.parametrize("aspect", [0.4, 1.0, 2.3])
+def test_the_camera_stands_as_near_as_the_whole_box_allows(aspect: float) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        box = np.sort(rng.uniform(-1, 1, (2, 3)), axis=0)
+        position, target = place(box, 0.7, aspect)
+        found = seen_from(position, target, np.array(list(product(*box.T))), 0.7, aspect)
+        assert np.abs(found).max() == pytest.approx(1 / ROOM)
+
+
+@pytest.mark.parametrize("size", [browser.DESK, browser.PHONE])
+def test_the_whole_person_is_in_the_picture_until_somebody_moves_the_camera(
+    server: PrivateServer, people: People, size: tuple[int, int]
+) -> None:
+    def outermost() -> float:
+        assert page.shape is not None
+        return np.abs(
+            seen_from(camera.position, camera.look_at, page.shape.vertices, 0.7, camera.aspect)
+        ).max()
+
+    with opened(server, *size) as tab:
+        camera, page = tab.camera, Page(tab, people, 3, lambda page: None)
+        page.step()
+        assert 0.7 < outermost() <= 1 / ROOM + 1e-6
+        page.stance.value = "t"
+        page.take_stance()
         settle(page)
-        assert page.status.content == "**no surface here**"
-    settle(page)
-    assert page.status.content.startswith("Seed 3")
+        assert 0.7 < outermost() <= 1 / ROOM + 1e-6
+        camera.position = (0.2, 1.6, 0.5)  # somebody looks at the face
+        type_seed(page, "8")
+        assert camera.position == pytest.approx([0.2, 1.6, 0.5])
+        page.fit(always=True)
+        assert 0.7 < outermost() <= 1 / ROOM + 1e-6
+        page.closed = True
+
+
+def test_every_tab_has_a_person_of_its_own(people: People) -> None:
+    server = PrivateServer(host="127.0.0.1", port=8730)
+    try:
+        tabs = Tabs(server, people, 3)
+        with opened(server) as one, opened(server) as other:
+            for _ in range(2):
+                tabs.step()
+            first, second = tabs.pages[one.client_id], tabs.pages[other.client_id]
+            first.typed.value = "8"
+            tabs.step()
+            assert first.asset is not None and second.asset is not None
+            assert (first.asset.info.seed, second.asset.info.seed) == (8, 3)
+            assert (first.typed.value, second.typed.value) == ("8", "3")
+        browser.wait(lambda: not tabs.pages, "the end of the pages")
+        assert first.closed and second.closed
+    finally:
+        server.stop()
 
 
 def test_a_download_is_the_file_that_the_command_writes(page: Page) -> None:
@@ -302,6 +469,14 @@ def test_pages_of_other_sites_cannot_talk_to_it(
             connect(address, origin=Origin(str(origin)), subprotocols=[protocol])
 
 
+def test_the_page_has_our_lines(server: PrivateServer) -> None:
+    asked = Request(f"http://127.0.0.1:{server.get_port()}/?a=b", headers={"Accept-Encoding": "gzip"})
+    with urlopen(asked, timeout=20) as answer:
+        text = answer.read().decode()
+    assert text.index("<title>avatargen</title>") < text.index("<title>Viser</title>")
+    assert text.endswith("</html>\n") and HEAD in text
+
+
 def test_an_open_server_still_compares_ports() -> None:
     _, pattern = own_origins("0.0.0.0", 8080)
     assert pattern.fullmatch("http://mine.local:8080") and pattern.fullmatch("http://[fe80::1]:8080")
@@ -317,58 +492,160 @@ def test_no_visitor_can_open_a_tunnel(server: PrivateServer, monkeypatch: pytest
     assert opened == []
 
 
-def test_the_page_in_a_browser(page: Page, tmp_path: Path) -> None:
+@contextmanager
+def looked_at(people: People, folder: Path, size: tuple[int, int]) -> Iterator[tuple[browser.Browser, Page]]:
+    """Seed 3 in a browser, with a thread that does the page's work."""
     if not browser.found() and not os.environ.get("SYSTEM_JUDGES"):
         pytest.skip(
             "Chromium and its driver are not installed; they are Debian's chromium and chromium-driver"
         )
-
-    closed = threading.Event()
+    server = PrivateServer(host="127.0.0.1", port=8750)
+    tabs, closed = Tabs(server, people, 3), threading.Event()
 
     def work() -> None:
         while not closed.is_set():
-            page.step()
+            tabs.step()
 
     worker = threading.Thread(target=work, daemon=True)
     worker.start()
     try:
-        with browser.browser(tmp_path) as tab:
-            tab.open(f"http://127.0.0.1:{page.server.get_port()}")
-            browser.wait(lambda: "Seed 3: 1,000 triangles" in tab.text(), "the person")
-            browser.wait(lambda: figure(tab, tmp_path), "a picture of the person")
-            page.shown.value = "skin weights"
-            browser.wait(lambda: all_blue(tab, tmp_path), "the person in blue")
-            tab.click("download")
-            browser.wait((tmp_path / "avatar_3.glb").exists, "the file")
+        with browser.browser(folder, size) as tab:
+            tab.open(f"http://127.0.0.1:{server.get_port()}")
+            page = browser.wait(lambda: [*tabs.pages.values()], "the tab")[0]
+            browser.wait(lambda: page.status.content.startswith("Seed 3: 1,000 triangles"), "the person")
+            tab.run(WITHOUT_NOTICE)
+            browser.wait(lambda: figure(tab, folder).any(), "a picture of the person")
+            yield tab, page
+            closed.set()
+            page.want()
+            worker.join()
     finally:
-        closed.set()
-        page.want()
-        worker.join()
-    again = read_glb(tmp_path / "avatar_3.glb")
-    assert page.asset is not None
-    assert np.array_equal(again.vertices, page.asset.vertices)
+        server.stop()
+
+
+def test_the_page_on_a_desk(people: People, tmp_path: Path) -> None:
+    with looked_at(people, tmp_path, browser.DESK) as (tab, page):
+        assert tab.run("return document.title") == "avatargen"
+        assert "avatargen" in tab.text()
+        whole_in_picture(figure(tab, tmp_path))
+        assert 0 < bottom(tab, "download") <= 720
+        page.shown.value = "skin weights"
+        browser.wait(lambda: all_blue(tab, tmp_path), "the person in blue")
+        tab.click("download")
+        browser.wait((tmp_path / "avatar_3.glb").exists, "the file")
+        assert page.asset is not None
+        assert np.array_equal(read_glb(tmp_path / "avatar_3.glb").vertices, page.asset.vertices)
+
+
+def test_a_seed_typed_in_a_browser(people: People, tmp_path: Path) -> None:
+    """Nothing is built before Enter is pressed or the field is left."""
+    with looked_at(people, tmp_path, browser.DESK) as (tab, page):
+        tab.run(f"{FIELD}.focus(); {FIELD}.select()")
+        for digit in "2047":
+            tab.press(digit)
+            time.sleep(0.2)
+            assert page.typed.value == "3"
+        tab.press(ENTER)
+        browser.wait(lambda: "Seed 2047: 1,000 triangles" in tab.text(), "seed 2047")
+        assert not {wish.seed for wish in people.kept} & {2, 20, 204}
+        tab.run(f"{FIELD}.select()")
+        tab.press(*"1.5", ENTER)
+        browser.wait(lambda: "found 1.5; a seed is a whole number" in tab.text(), "a word on 1.5")
+        browser.wait(lambda: tab.run(f"return {FIELD}.value") == "2047", "the old seed")
+        assert "Seed 2047: 1,000 triangles" in tab.text()
+        tab.run(f"{FIELD}.select()")
+        tab.press("8", TAB)
+        browser.wait(lambda: "Seed 8: 1,000 triangles" in tab.text(), "seed 8")
+        assert page.asset is not None and page.asset.info.seed == 8
+
+
+def test_the_keyboard_opens_every_heading_and_reaches_every_slider(people: People, tmp_path: Path) -> None:
+    with looked_at(people, tmp_path, browser.DESK) as (tab, page):
+
+        def tab_to_the_end(opening: bool) -> set[str]:
+            """Names of all that the tabulator key reaches, headings opened on the way or not."""
+            reached: list[str] = []
+            tab.run(f"{FIELD}.focus()")
+            while "wireframe" not in reached:
+                tab.press(TAB)
+                reached.append(tab.run(f"return {NAME}(document.activeElement)"))
+                if opening and tab.run("return document.activeElement.ariaExpanded") == "false":
+                    tab.press(ENTER)
+                assert len(reached) < 400
+            return set(reached)
+
+        assert {"legs", "Show"} <= tab_to_the_end(opening=True)
+        sliders = f"{SHOWN}.map((slider) => slider.ariaLabel)"
+        browser.wait(lambda: set(tab.run(f"return {sliders}")) == {"variety", *page.angles}, "all sliders")
+        assert {"variety", *page.angles} <= tab_to_the_end(opening=False)
+        tab.run(f"{SHOWN}.find((slider) => slider.ariaLabel == 'left arm up').focus()")
+        before = page.angles["left arm up"].value
+        tab.press(RIGHT)
+        browser.wait(lambda: page.angles["left arm up"].value == before + 1, "one degree more")
+
+
+def test_the_page_on_a_phone(people: People, tmp_path: Path) -> None:
+    with looked_at(people, tmp_path, browser.PHONE) as (tab, _):
+        width, height = browser.PHONE
+        assert tab.run("return [innerWidth, document.documentElement.scrollWidth]") == [width, width]
+        whole_in_picture(figure(tab, tmp_path))
+        browser.wait(lambda: "avatargen" in tab.text() and "download" not in tab.text(), "a closed panel")
+        low = tab.run(f"return {PANEL}")
+        assert (low["left"], low["right"], low["bottom"]) == (0, width, height) and low["height"] < 80
+        tab.click("avatargen")
+        browser.wait(lambda: "download" in tab.text(), "the controls")
+        high = tab.run(f"return {PANEL}")
+        assert (high["left"], high["right"], high["bottom"]) == (0, width, height)
+        assert 300 < high["height"] < 0.65 * height
+
+
+ENTER, TAB, RIGHT = "\ue007", "\ue004", "\ue014"  # as WebDriver spells them
+WITHOUT_NOTICE = """document.head.append(Object.assign(document.createElement("style"), {
+  textContent: ".mantine-Notifications-root { display: none }"  // on a machine without a GPU
+}))"""
+FIELD = "[...document.querySelectorAll('input')].find((one) => one.type == 'text' && one.checkVisibility())"
+SHOWN = "[...document.querySelectorAll('[role=slider]')].filter((slider) => slider.checkVisibility())"
+NAME = "(element => element.ariaLabel || element.textContent.trim() || element.labels?.[0]?.textContent)"
+PANEL = """[...document.querySelectorAll('*')].find(
+  (element) => getComputedStyle(element).position == 'fixed' && element.textContent.startsWith('avatargen')
+)?.getBoundingClientRect().toJSON()"""
+
+
+def bottom(tab: browser.Browser, text: str) -> float:
+    """Where the element that bears this text ends below, pixels from the top; 0 if it is not there."""
+    script = "return [...document.querySelectorAll('button')].find((one) => one.innerText == arguments[0])"
+    return tab.run(f"{script}?.getBoundingClientRect().bottom ?? 0", text)
 
 
 def pixels(tab: browser.Browser, folder: Path) -> np.ndarray:
-    """The part of the page where the person stands."""
+    """The part of the page that shows the person."""
     tab.picture(folder / "page.png")
-    return np.asarray(Image.open(folder / "page.png").convert("RGB")).astype(int)[:, 330:900]
+    width, height = tab.run(
+        "return ((c) => [c.clientWidth, c.clientHeight])(document.querySelector('canvas'))"
+    )
+    return np.asarray(Image.open(folder / "page.png").convert("RGB")).astype(int)[:height, :width]
 
 
-def figure(tab: browser.Browser, folder: Path) -> float:
-    """Share of the picture that is neither paper nor the ground; 0 if hardly any is."""
+def figure(tab: browser.Browser, folder: Path) -> np.ndarray:
+    """Where the picture is neither paper nor the ground; nowhere if that is hardly anywhere."""
     seen = pixels(tab, folder)
     return drawn((np.ptp(seen, axis=2) > 12) | (seen.max(axis=2) < 120))
+
+
+def whole_in_picture(there: np.ndarray) -> None:
+    """A figure stands in the picture, and ends neither at its top nor at its sides."""
+    assert not there[:10].any() and not there[:, :10].any() and not there[:, -10:].any()
+    assert np.ptp(np.flatnonzero(there.any(axis=1))) > 0.4 * len(there)
 
 
 def all_blue(tab: browser.Browser, folder: Path) -> bool:
     """Whether there is a figure, and most of it is blue."""
     seen = pixels(tab, folder)
-    return drawn(seen[..., 2] > seen[..., 0] + 25) > 0.5 * figure(tab, folder) > 0
+    return drawn(seen[..., 2] > seen[..., 0] + 25).sum() > 0.5 * figure(tab, folder).sum() > 0
 
 
-def drawn(there: np.ndarray) -> float:
-    return float(there.mean()) if there.mean() > 0.03 else 0.0
+def drawn(there: np.ndarray) -> np.ndarray:
+    return there if there.mean() > 0.03 else np.zeros_like(there)
 
 
 def test_the_command_serves_until_it_is_stopped(model: tuple[Path, Path]) -> None:

@@ -67,9 +67,9 @@ def run(given: Namespace) -> None:
     check_address(given.host)
     from assets import BuildConfig
     from avatargen import load_generator
-    from avatargen.commands.viewer.page import Page
     from avatargen.commands.viewer.people import People
     from avatargen.commands.viewer.server import PrivateServer
+    from avatargen.commands.viewer.tabs import Tabs
 
     sampler = load_generator(given.weights, body=given.body)
     people = People(
@@ -82,7 +82,7 @@ def run(given: Namespace) -> None:
     print(f"http://{given.host}:{server.get_port()}", flush=True)
     with redirect_stdout(sys.stderr):
         try:
-            Page(server, people, given.seed).run()
+            Tabs(server, people, given.seed).run()
         finally:
             server.stop()
 

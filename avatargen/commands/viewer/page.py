@@ -1,25 +1,28 @@
-"""The viewer's page: what one sees and what the controls do. One thread does the drawing, one at a time.
+"""What one tab of a browser shows, and what its controls do.
 
-viser calls back from threads of its own; those calls only note what is wanted, and `run` does it.
+viser calls back from threads of its own; those calls only note what is wanted, and `step` does it.
 """
 
 import io
-import queue
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
 import viser
+from jaxtyping import Float64
 
-from assets.asset.animate import animate, figure_of
+from assets.asset.animate import animate, boxes, figure_of
 from assets.asset.asset import Asset, TexturedAsset
 from assets.asset.bones import aim_bones
 from assets.asset.posed import posed
 from assets.picture.paint import PLAIN, joint_weights, painted
 from avatargen.body.pose import named_pose
 from avatargen.body.stance import FINGER_LIMBS, LIMBS, STANCES, Limb, limb_rotations
+from avatargen.commands.viewer.camera import place
 from avatargen.commands.viewer.people import People, Person, Wish
 from avatargen.errors import AvatarGenError, InputError
 from avatargen.motion.clips import CLIPS, make_clip
@@ -42,38 +45,53 @@ GROUPS = {
 STILL = "none"  # the clip that is not played
 
 
-class Page:
-    """One page, shared by everyone who opens it."""
+class Superseded(Exception):
+    """Somebody else is wanted by now, or nobody looks any more."""
 
-    def __init__(self, server: viser.ViserServer, people: People, seed: int) -> None:
-        self.server, self.people = server, people
-        self.wanted: queue.SimpleQueue[viser.ClientHandle | None] = queue.SimpleQueue()  # None: draw
+
+class Page:
+    """One tab of a browser, and the person in it."""
+
+    def __init__(
+        self, tab: viser.ClientHandle, people: People, seed: int, call: Callable[["Page"], None]
+    ) -> None:
+        """`call` asks for a `step`."""
+        self.tab, self.people, self.call = tab, people, call
+        self.undrawn, self.unsent = Event(), Event()  # the picture is out of date; a download is wanted
+        self.closed = False
+        self.seed = seed  # the last good one
+        self.refused = ""  # why what was asked for last is not shown
+        self.wish: Wish | None = None  # who is shown
         self.asset: Asset | None = None  # as it was built
         self.shape: Asset | None = None  # in the pose of the sliders
-        set_scene(server)
-        self.add_person_controls(seed)
+        self.box: Float64[np.ndarray, "2 3"] | None = None  # around this person in all poses so far
+        self.stood: Float64[np.ndarray, " 3"] | None = None  # where the camera was put
+        self.aspect = 0.0  # for which it was put there
+        self.add_person_controls()
+        self.add_download_controls()
         self.add_pose_controls()
         self.add_view_controls()
-        self.add_download_controls()
+        tab.camera.on_update(lambda camera: self.fit() if camera.aspect != self.aspect else None)
         self.want()
 
-    def add_person_controls(self, seed: int) -> None:
-        gui = self.server.gui
+    def add_person_controls(self) -> None:
+        gui = self.tab.gui
         with gui.add_folder("Person"):
-            self.seed = gui.add_number("seed", initial_value=seed, min=0, max=LARGEST_SEED, step=1)
+            self.typed = gui.add_text("seed", str(self.seed), hint="a whole number; Enter shows the person")
             another = gui.add_button("another person", icon=viser.Icon.DICE)
             self.truncation = gui.add_slider(
                 "variety", min=0.0, max=1.0, step=0.05, initial_value=1.0, hint="0: the mean person"
             )
             self.faces = gui.add_dropdown("triangles", FACES, initial_value="20000")
             self.progress = gui.add_progress_bar(0.0, visible=False)
-            self.status = gui.add_markdown("")
+            self.status = gui.add_markdown(f"Seed {self.seed} ...")
         rng = np.random.default_rng()
-        another.on_click(lambda event: setattr(self.seed, "value", int(rng.integers(1_000_000))))
-        self.draw_on_change(self.seed, self.truncation, self.faces)
+        another.on_click(lambda event: setattr(self.typed, "value", str(rng.integers(1_000_000))))
+        self.typed.on_update(self.take_seed)
+        self.draw_on_change(self.truncation, self.faces)
 
     def add_pose_controls(self) -> None:
-        gui = self.server.gui
+        gui = self.tab.gui
         self.angles: dict[str, viser.GuiInputHandle[float]] = {}
         with gui.add_folder("Pose"):
             self.clip = gui.add_dropdown(
@@ -98,7 +116,7 @@ class Page:
         return any(joint in self.people.joint_names for joint, _ in limb.axes)
 
     def add_view_controls(self) -> None:
-        gui = self.server.gui
+        gui = self.tab.gui
         names = self.people.joint_names
         with gui.add_folder("Show"):
             self.shown = gui.add_dropdown("surface", SHOWN, initial_value="texture")
@@ -108,62 +126,93 @@ class Page:
             )
             self.wireframe = gui.add_checkbox("wireframe", False)
             self.scale = gui.add_markdown("", visible=False)
+            whole = gui.add_button("whole person", icon=viser.Icon.ARROWS_MAXIMIZE)
+        whole.on_click(lambda event: self.fit(always=True))
         self.draw_on_change(self.shown, self.joint, self.level, self.wireframe)
 
     def add_download_controls(self) -> None:
-        gui = self.server.gui
+        gui = self.tab.gui
         with gui.add_folder("Download"):
             self.format = gui.add_dropdown(
                 "format", tuple(suffix[1:] for suffix in FORMATS), initial_value="glb"
             )
             self.as_posed = gui.add_checkbox("rest in this pose", False)
             button = gui.add_button("download", icon=viser.Icon.DOWNLOAD)
-        button.on_click(lambda event: self.wanted.put(event.client))
+        button.on_click(lambda event: self.want(self.unsent))
 
     def draw_on_change(self, *controls: Any) -> None:
         for control in controls:
-            control.on_update(lambda event: self.want())
+            control.on_update(self.changed)
 
-    def want(self) -> None:
-        """Note that the picture is out of date."""
-        self.wanted.put(None)
+    def changed(self, event: viser.GuiEvent[Any]) -> None:
+        """A control has another value, from the tab or from here."""
+        if event.client is not None:
+            self.refused = ""
+        self.want()
+
+    def want(self, what: Event | None = None) -> None:
+        """Note that the picture is out of date, or that a file is wanted."""
+        (what or self.undrawn).set()
+        self.call(self)
+
+    def take_seed(self, event: viser.GuiEvent[Any]) -> None:
+        """Take the seed that was typed; if it is none, say so and put the last good one back."""
+        typed = self.typed.value.strip()
+        if typed.isascii() and typed.isdecimal() and len(typed) <= 16 and int(typed) <= LARGEST_SEED:
+            self.seed = int(typed)
+            self.changed(event)
+        else:
+            self.refused = f"found {quoted(typed)}; a seed is a whole number from 0 to {LARGEST_SEED}"
+            self.typed.value = str(self.seed)
 
     def take_stance(self) -> None:
         """Set the sliders to the pose that was chosen."""
         for name, control in self.angles.items():
             control.value = round(STANCES[self.stance.value].get(name, 0.0))
 
-    def run(self) -> None:
-        """Do what is wanted, for ever."""
-        while True:
-            self.step()
+    def wanted(self) -> Wish:
+        """Whom the controls ask for."""
+        return Wish(seed=self.seed, truncation=float(self.truncation.value), faces=int(self.faces.value))
 
     def step(self) -> None:
-        """Wait until something is wanted; then draw once, however often that was asked for, and download."""
-        clients = {self.wanted.get()}
-        while not self.wanted.empty():
-            clients.add(self.wanted.get())
+        """Draw and send what is wanted, once, however often that was asked for."""
+        if self.closed:
+            return
         try:
-            if None in clients:
+            if self.undrawn.is_set():
+                self.undrawn.clear()
                 self.draw()
-            for client in clients:
-                if client is not None:
-                    client.send_file_download(*self.file(), save_immediately=True)
+            if self.unsent.is_set():
+                self.unsent.clear()
+                self.tab.send_file_download(*self.file(), save_immediately=True)
+        except Superseded:
+            return
         except AvatarGenError as error:
-            self.status.content = f"**{error}**"
-        finally:
+            self.refused = str(error)
+            self.status.content = f"**{self.refused}**"
+        if not self.closed:
             self.progress.visible = False
 
     def draw(self) -> None:
         """Bring the picture up to date.
 
         Raises:
-            AvatarGenError: there is no such person.
+            AvatarGenError: there is no such person; the controls are back at the one who is shown.
+            Superseded: another person is wanted.
         """
-        wish = Wish(
-            seed=int(self.seed.value), truncation=float(self.truncation.value), faces=int(self.faces.value)
-        )
-        person = self.people.get(wish, self.show_progress).at(LEVELS.index(self.level.value))
+        wish = self.wanted()
+        try:
+            whole = self.people.get(wish, lambda stage, share: self.show_progress(wish, stage, share))
+            person = whole.at(LEVELS.index(self.level.value))
+        except AvatarGenError:
+            if self.wish is not None and self.wish != wish and self.wanted() == wish:
+                self.put_back(self.wish)
+            raise
+        if self.closed or self.wanted() != wish:
+            raise Superseded
+        if self.wish is None or self.wish.seed != wish.seed:
+            self.box = None
+        self.wish = wish
         angles = {name: float(control.value) for name, control in self.angles.items()}
         playing = self.clip.value != STILL
         self.asset = person.asset
@@ -171,12 +220,34 @@ class Page:
             self.shape = play(person.asset, self.clip.value, on_the_spot=True)
         else:
             self.shape = posed(person.asset, limb_rotations(angles, person.asset.skeleton.joint_names))
-        self.status.content = describe(person)
+        self.status.content = (self.refused and f"**{self.refused}**\n\n") + describe(person)
         self.joint.visible = self.shown.value == "skin weights"
         self.scale.visible = self.shown.value == "error"
         self.wireframe.disabled = playing  # its lines would stand still
-        self.server.scene.add_glb("/person", glb.encode(self.colored(self.shape, person)))
+        self.tab.scene.add_glb("/person", glb.encode(self.colored(self.shape, person)))
         self.show_edges(self.shape)
+        box = room_of(self.shape)
+        if self.box is not None:
+            box = np.stack([np.minimum(box[0], self.box[0]), np.maximum(box[1], self.box[1])])
+        self.box = box
+        self.fit()
+
+    def put_back(self, wish: Wish) -> None:
+        """Let the controls ask for somebody again."""
+        self.seed, self.typed.value = wish.seed, str(wish.seed)
+        self.truncation.value = wish.truncation
+        self.faces.value = next(faces for faces in FACES if int(faces) == wish.faces)
+
+    def fit(self, always: bool = False) -> None:
+        """Put the camera where it sees the whole person, unless somebody has moved it."""
+        camera = self.tab.camera
+        moved = self.stood is not None and not np.allclose(camera.position, self.stood, atol=1e-3)
+        if self.box is None or min(camera.image_height, camera.image_width) == 0 or (moved and not always):
+            return
+        self.aspect = camera.aspect
+        self.stood, middle = place(self.box, camera.fov, self.aspect)
+        with self.tab.atomic():
+            camera.position, camera.look_at = self.stood, middle
 
     def colored(self, shape: Asset, person: Person) -> TexturedAsset:
         """The person as posed, in the colours asked for."""
@@ -193,16 +264,23 @@ class Page:
 
     def show_edges(self, shape: Asset) -> None:
         """The wireframe, where it is wanted."""
-        scene = self.server.scene
+        scene = self.tab.scene
         if self.wireframe.value and self.clip.value == STILL:
             scene.add_mesh_simple("/edges", shape.vertices, shape.faces, wireframe=True, color=LINES)
         else:
             scene.remove_by_name("/edges")
 
-    def show_progress(self, stage: str, share: float) -> None:
+    def show_progress(self, wish: Wish, stage: str, share: float) -> None:
+        """Say how far the person is.
+
+        Raises:
+            Superseded: another one is wanted.
+        """
+        if self.closed or self.wanted() != wish:
+            raise Superseded
         self.progress.visible = True
         self.progress.value = 100 * share
-        self.status.content = f"Seed {int(self.seed.value)}: {stage} ..."
+        self.status.content = f"Seed {wish.seed}: {stage} ..."
 
     def file(self) -> tuple[str, bytes]:
         """Name and content of the file asked for, with the clip that plays; several files that belong
@@ -245,15 +323,18 @@ def zipped(files: list[tuple[Path, bytes]]) -> bytes:
     return stream.getvalue()
 
 
-def set_scene(server: viser.ViserServer) -> None:
-    """Ground, light and where one stands."""
-    server.gui.configure_theme(show_share_button=False, show_logo=False)
-    server.scene.set_up_direction("+y")
-    server.scene.add_grid("/ground", width=4, height=4, plane="xz", cell_size=0.25, section_size=1.0)
-    server.scene.configure_environment_map("studio", environment_intensity=0.25)
-    server.initial_camera.position = (1.2, 1.3, 3.5)
-    server.initial_camera.look_at = (0.25, 0.88, 0.0)  # the panel covers the right of the page
-    server.initial_camera.fov = float(np.radians(40))
+def room_of(shape: Asset) -> Float64[np.ndarray, "2 3"]:
+    """The low and the high corner of the box around the asset, or around its animations, metres."""
+    if not shape.animations:
+        return np.stack([shape.vertices.min(axis=0), shape.vertices.max(axis=0)]).astype(np.float64)
+    played = np.concatenate([boxes(shape, animation) for animation in shape.animations])
+    return np.stack([played[:, 0].min(axis=0), played[:, 1].max(axis=0)])
+
+
+def quoted(typed: str) -> str:
+    """What was typed, as text that Markdown takes as it is."""
+    plain = typed[:20].replace("`", "'")
+    return f"`{plain}`" if plain else "nothing"
 
 
 def describe(person: Person) -> str:
