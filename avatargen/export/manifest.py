@@ -80,7 +80,7 @@ def open_manifest(folder: Path, settings: dict[str, object]) -> Iterator[Manifes
         raise unwritable(path, error) from error
     with only_writer(path), open_end(path) as stream:
         rows = read_rows(path, stream)
-        claim(folder, SETTINGS_NAME, settings, "avatar-export", made=[NAME] if rows else [])
+        claim(folder, SETTINGS_NAME, settings, "batch", made=[NAME] if rows else [])
         yield Manifest(folder, stream, rows)
 
 
