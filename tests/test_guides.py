@@ -1,9 +1,9 @@
 """What README and the guides show holds: Python runs, commands are accepted, links lead on, pages load."""
 
 import os
+import pickle
 import re
 import shlex
-import shutil
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -16,7 +16,9 @@ from PIL import Image
 from avatargen.avatar import shipped
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.pose import load_pose
+from avatargen.commands.export.avatar_export import main as avatar_export
 from avatargen.commands.export.options import parse
+from avatargen.commands.main import main
 from avatargen.motion.amass import load_motion
 from exporters import export
 from tests import browser
@@ -33,14 +35,17 @@ def blocks(page: Path, language: str) -> list[str]:
     return [text for found, text in FENCE.findall(page.read_text()) if found == language]
 
 
+def run_python(page: Path) -> None:
+    names: dict[str, object] = {"__name__": page.name}
+    for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), names)  # noqa: S102  our own pages
+
+
 @pytest.mark.parametrize("name", ["README.md", "python.md", "own_data.md", "choosing.md"])
 def test_python_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (page,) = [page for page in PAGES if page.name == name and blocks(page, "python")]
     monkeypatch.chdir(tmp_path)
-    shutil.copy(shipped("body.npz"), "body.npz")
-    names: dict[str, object] = {"__name__": name}
-    for block in blocks(page, "python"):
-        exec(compile(block, name, "exec"), names)  # noqa: S102  our own pages
+    run_python(page)
     if name == "python.md":
         assert {"person.glb", "person.usdz", "person.stl", "walking.glb", "person.png"} <= set(os.listdir())
     if name == "own_data.md":
@@ -72,6 +77,57 @@ def test_commands_are_accepted(words: list[str], tmp_path: Path, monkeypatch: py
     parse(words)
 
 
+SMALLER = {
+    "0:1000": "0:1",
+    "0:50": "0:1",
+    "4": "1",
+    "40000,20000,5000,1000": "2000,500",
+    "front,back,face": "front",
+}
+# What a line gets so that it takes seconds; an option that is there already keeps the last.
+SMALL = {
+    "avatar-export": ["--resolution", "96", "--texture", "64"],
+    "avatargen data synth": ["--people", "1", "--views", "1", "--workers", "1", "--cell", "30"],
+    "avatargen render": ["--height", "64", "--frames", "2", "--fps", "2"],
+    "avatargen train": ["--dry-run"],
+}
+ELSEWHERE = ("--ray", "avatargen view", "--show")  # a cluster; test_view.py; six people are drawn
+
+
+def lines_to_run(page: Path) -> list[str]:
+    """What a page lets one type, in its order."""
+    text = page.read_text()
+    found = [
+        line for block in re.findall(r"^```\n(.*?)^```$|`([^`\n]+)`", text, re.M | re.S) for line in block
+    ]
+    lines = [line.split(" #")[0].strip() for block in found for line in block.splitlines()]
+    starts = (*(f"{start} " for start in SMALL), "avatargen body convert ", "avatargen traits")
+    return [line for line in lines if line.startswith(starts) and not any(e in line for e in ELSEWHERE)]
+
+
+@pytest.mark.parametrize(
+    "name", ["exporting", "choosing", "blender", "web", "many", "own_data", "ar", "unity"]
+)
+def test_commands_run_in_an_empty_folder(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One after the other; of what is the reader's own there is an SMPL file."""
+    page = GUIDES / f"{name}.md"
+    monkeypatch.chdir(tmp_path)
+    if name == "own_data":
+        run_python(page)
+        with np.load(shipped("body.npz")) as body:
+            Path("SMPL_NEUTRAL.pkl").write_bytes(pickle.dumps(dict(body)))
+    lines = lines_to_run(page)
+    assert lines
+    for line in lines:
+        extra = next((more for start, more in SMALL.items() if line.startswith(start)), [])
+        words = [SMALLER.get(word, word) for word in shlex.split(line)] + extra
+        command = main if words[0] == "avatargen" else avatar_export
+        status = command(words[1:])
+        assert status == 0, f"{line}\n{capsys.readouterr().err}"
+
+
 def test_links_lead_somewhere() -> None:
     for page in PAGES:
         for link in LINK.findall(page.read_text()):
@@ -92,9 +148,16 @@ class Quiet(SimpleHTTPRequestHandler):
         """Says nothing."""
 
 
+HEAR = """window.said = [];
+for (const kind of ["warn", "error"]) console[kind] = (...all) => said.push(all.join(" "));"""
+FILLED = """const canvas = document.querySelector("canvas").getBoundingClientRect();
+return [canvas.left, canvas.top, canvas.width - innerWidth, canvas.height - innerHeight]"""
+
+
 @pytest.mark.parametrize("number", [0, 1], ids=["three.js", "Babylon.js"])
 def test_pages_show_the_person(number: int, tmp_path: Path) -> None:
-    """In Chromium: the page's title names the clips once the file is loaded, and something is drawn."""
+    """In Chromium, on a phone and then on a desk: the page's title names the clips once the file is loaded,
+    something is drawn, the canvas fills the page, and nothing is warned of."""
     if not browser.found() and not os.environ.get("SYSTEM_JUDGES"):
         pytest.skip("Chromium is not installed; it is Debian's chromium and chromium-driver")
     asset = in_motion(figure())
@@ -107,10 +170,15 @@ def test_pages_show_the_person(number: int, tmp_path: Path) -> None:
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        with browser.browser(tmp_path) as tab:
+        with browser.browser(tmp_path, browser.PHONE) as tab:
+            tab.tool("Page.addScriptToEvaluateOnNewDocument", source=HEAR)
             tab.open(f"http://127.0.0.1:{server.server_port}/index.html")
             browser.wait(lambda: tab.run("return document.title") == "mesh, walk it", "the page's title")
-            browser.wait(lambda: drawn(tab, tmp_path / "page.png"), "the person")
+            for size in (browser.PHONE, browser.DESK):
+                tab.resize(*size)
+                browser.wait(lambda: tab.run(FILLED) == [0, 0, 0, 0], "a canvas that fills the page")
+                browser.wait(lambda: drawn(tab, tmp_path / "page.png"), "the person")
+            assert [text for text in tab.run("return said") if "GPU stall" not in text] == []
     finally:
         server.shutdown()
         server.server_close()
