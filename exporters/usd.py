@@ -3,7 +3,7 @@
     /avatar            SkelRoot, the default prim (Xform for an asset without a skeleton)
     /avatar/skeleton   Skeleton: joints are paths, binds in world space, rests relative to the parent
     /avatar/mesh       Mesh: one normal, uv and four influences a point
-    /avatar/looks      the material
+    /avatar/material   the material, beside them: programs make an object of a scope around it
 
 Metres, y up, facing +z, faces counter-clockwise from outside, as ours; the uv origin alone is at the bottom
 left there. USD's matrices act on row vectors, so ours are transposed. Letters: W vertices, J joints.
@@ -174,8 +174,7 @@ def bind_mesh(mesh: UsdGeom.Mesh, asset: Asset, skeleton: UsdSkel.Skeleton) -> N
 def add_material(stage: Usd.Stage, paths: Mapping[str, str]) -> None:
     """UsdPreviewSurface with the base colour and perhaps a normal map and occlusion, on the mesh; cloth and
     skin scatter light. `paths` are those of the pictures, by name."""
-    UsdGeom.Scope.Define(stage, f"{ROOT}/looks")
-    material = UsdShade.Material.Define(stage, f"{ROOT}/looks/avatar")
+    material = UsdShade.Material.Define(stage, f"{ROOT}/material")
     reader = add_shader(stage, "st", "UsdPrimvarReader_float2", varname=(Sdf.ValueTypeNames.String, "st"))
     surface = add_shader(
         stage,
@@ -219,7 +218,7 @@ def add_picture(
 def add_shader(
     stage: Usd.Stage, name: str, shader_id: str, **inputs: tuple[Sdf.ValueTypeName, object]
 ) -> UsdShade.Shader:
-    shader = UsdShade.Shader.Define(stage, f"{ROOT}/looks/avatar/{name}")
+    shader = UsdShade.Shader.Define(stage, f"{ROOT}/material/{name}")
     shader.CreateIdAttr(shader_id)
     for input_name, (value_type, value) in inputs.items():
         shader.CreateInput(input_name, value_type).Set(value)

@@ -28,7 +28,7 @@ def add_animations(stage: Usd.Stage, asset: Asset, prim: UsdSkel.Skeleton) -> No
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(float(played.times[-1]) * FRAMES_PER_SECOND)
     folder = prim.GetPath().GetParentPath()
-    names = unique_names([motion.name for motion in asset.animations], taken={"skeleton", "mesh", "looks"})
+    names = unique_names([motion.name for motion in asset.animations], taken={"skeleton", "mesh", "material"})
     paths = [folder.AppendChild(name) for name in names]
     joints = prim.GetJointsAttr().Get()
     for path, motion in zip(paths, asset.animations, strict=True):

@@ -46,7 +46,11 @@ class Browser:
     def resize(self, width: int, height: int) -> None:
         """Let the page have so many pixels; one that is higher than wide is a phone's."""
         screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": height > width}
-        self.ask("POST", "/goog/cdp/execute", cmd="Emulation.setDeviceMetricsOverride", params=screen)
+        self.tool("Emulation.setDeviceMetricsOverride", **screen)
+
+    def tool(self, command: str, **parameters: Any) -> Any:
+        """What a command of the browser's own tools returns."""
+        return self.ask("POST", "/goog/cdp/execute", cmd=command, params=parameters)
 
     def run(self, script: str, *arguments: Any) -> Any:
         """What a piece of JavaScript returns."""

@@ -3,7 +3,6 @@
 import os
 import re
 import shlex
-import shutil
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from avatargen.avatar import shipped
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.pose import load_pose
 from avatargen.commands.export.options import parse
@@ -34,14 +32,17 @@ def blocks(page: Path, language: str) -> list[str]:
     return [text for found, text in FENCE.findall(page.read_text()) if found == language]
 
 
+def run_python(page: Path) -> None:
+    names: dict[str, object] = {"__name__": page.name}
+    for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), names)  # noqa: S102  our own pages
+
+
 @pytest.mark.parametrize("name", ["README.md", "python.md", "own_data.md", "choosing.md"])
 def test_python_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (page,) = [page for page in PAGES if page.name == name and blocks(page, "python")]
     monkeypatch.chdir(tmp_path)
-    shutil.copy(shipped("body.npz"), "body.npz")
-    names: dict[str, object] = {"__name__": name}
-    for block in blocks(page, "python"):
-        exec(compile(block, name, "exec"), names)  # noqa: S102  our own pages
+    run_python(page)
     if name == "python.md":
         assert {"person.glb", "person.usdz", "person.stl", "walking.glb", "person.png"} <= set(os.listdir())
     if name == "own_data.md":
@@ -93,9 +94,16 @@ class Quiet(SimpleHTTPRequestHandler):
         """Says nothing."""
 
 
+HEAR = """window.said = [];
+for (const kind of ["warn", "error"]) console[kind] = (...all) => said.push(all.join(" "));"""
+FILLED = """const canvas = document.querySelector("canvas").getBoundingClientRect();
+return [canvas.left, canvas.top, canvas.width - innerWidth, canvas.height - innerHeight]"""
+
+
 @pytest.mark.parametrize("number", [0, 1], ids=["three.js", "Babylon.js"])
 def test_pages_show_the_person(number: int, tmp_path: Path) -> None:
-    """In Chromium: the page's title names the clips once the file is loaded, and something is drawn."""
+    """In Chromium, on a phone and then on a desk: the page's title names the clips once the file is loaded,
+    something is drawn, the canvas fills the page, and nothing is warned of."""
     if not browser.found() and not os.environ.get("SYSTEM_JUDGES"):
         pytest.skip("Chromium is not installed; it is Debian's chromium and chromium-driver")
     asset = in_motion(figure())
@@ -108,10 +116,15 @@ def test_pages_show_the_person(number: int, tmp_path: Path) -> None:
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        with browser.browser(tmp_path) as tab:
+        with browser.browser(tmp_path, browser.PHONE) as tab:
+            tab.tool("Page.addScriptToEvaluateOnNewDocument", source=HEAR)
             tab.open(f"http://127.0.0.1:{server.server_port}/index.html")
             browser.wait(lambda: tab.run("return document.title") == "mesh, walk it", "the page's title")
-            browser.wait(lambda: drawn(tab, tmp_path / "page.png"), "the person")
+            for size in (browser.PHONE, browser.DESK):
+                tab.resize(*size)
+                browser.wait(lambda: tab.run(FILLED) == [0, 0, 0, 0], "a canvas that fills the page")
+                browser.wait(lambda: drawn(tab, tmp_path / "page.png"), "the person")
+            assert tab.run("return said") == []
     finally:
         server.shutdown()
         server.server_close()

@@ -128,7 +128,7 @@ def test_occlusion_is_read_raw_by_its_own_input(tmp_path: Path, suffix: str) -> 
     asset = replace(figure(), normal_map=None)
     export(asset, tmp_path / f"person{suffix}")
     stage = Usd.Stage.Open(str(tmp_path / f"person{suffix}"))
-    surface = UsdShade.Shader(stage.GetPrimAtPath("/avatar/looks/avatar/surface"))
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/avatar/material/surface"))
     source, output, _ = surface.GetInput("occlusion").GetConnectedSource()
     texture = UsdShade.Shader(source)
     assert output == "r"
@@ -177,8 +177,8 @@ def first_replaced(value):
         ("skeleton.restTransforms", lambda old: old[:1], "restTransforms has 1 matrices"),
         ("skeleton.bindTransforms", first_replaced(Gf.Matrix4d(0.0)), "a matrix without inverse"),
         ("skeleton.joints", lambda old: type(old)(["a", "a"]), "two joints share a path"),
-        ("looks/avatar/base_color.inputs:file", lambda _: Sdf.AssetPath("/x/y.png"), "the absolute path"),
-        ("looks/avatar/base_color.inputs:file", lambda _: Sdf.AssetPath("./no.png"), "which is not there"),
+        ("material/base_color.inputs:file", lambda _: Sdf.AssetPath("/x/y.png"), "the absolute path"),
+        ("material/base_color.inputs:file", lambda _: Sdf.AssetPath("./no.png"), "which is not there"),
     ],
 )
 def test_the_judge_is_awake(tmp_path: Path, attribute: str, change, finding: str) -> None:
@@ -220,6 +220,7 @@ def test_blender_bends_usd_as_ours_does(tmp_path: Path, suffix: str, packed: boo
     asset = tube(rings=24, joint_count=4, tilt=0.3)
     poses = random_poses(asset, count=2, angle=0.6)
     verdict = blender_verdict(asset, poses, tmp_path, f"asset{suffix}")
+    assert verdict.found["objects"] == {"avatar": "EMPTY", "mesh": "MESH", "skeleton": "ARMATURE"}
     check_blender(verdict, asset, poses)
     assert [image["packed"] for image in verdict.found["images"]] == [packed]
 

@@ -21,6 +21,7 @@ SHORTEST = 1e-3  # metres of a bone that has a direction
 FORWARD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 ALONG_FORWARD = 0.85  # cosine: a bone that points forward more than this has its z axis up instead
 HELD = 0.5  # weight from which a vertex is a bone's own
+STANDING = 0.02  # metres above the lowest point within which flesh stands on the ground
 
 
 def bone_tails(asset: Asset) -> Float64[np.ndarray, "J 3"]:
@@ -45,11 +46,19 @@ def bone_tails(asset: Asset) -> Float64[np.ndarray, "J 3"]:
 
 def flesh_end(asset: Asset, joint: int, onward: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
     """The point on the line through a last joint and the middle of its flesh's box where that flesh ends; as
-    far on as the parent's bone is long where it holds none."""
+    far on as the parent's bone is long where it holds none.
+
+    What stands on the ground goes on level: programs that draw a last bone as long as the one before it would
+    have toes end below the floor.
+    """
     head = asset.skeleton.joints[joint]
     own = np.where(asset.joints == joint, asset.weights, 0).sum(axis=1) > HELD
     ways = asset.vertices[own].astype(np.float64) - head
     middle = (ways.min(axis=0) + ways.max(axis=0)) / 2 if own.any() else np.zeros(3)
+    level = onward * (1 - UP)
+    ground = asset.vertices[:, 1].min() + STANDING
+    if own.any() and asset.vertices[own, 1].min() < ground and np.linalg.norm(level) > SHORTEST:
+        middle = level
     length = np.linalg.norm(middle)
     if length < SHORTEST:
         return head + (onward if np.linalg.norm(onward) > SHORTEST else SHORTEST * UP)

@@ -41,6 +41,7 @@ def describe(imported: Imported) -> dict[str, object]:
             if image.source == "FILE"
         ],
         "dimensions": list(imported.mesh.dimensions),
+        "objects": {one.name: one.type for one in bpy.data.objects},
     }
 
 

@@ -17,7 +17,7 @@ HEAD = """
   // A text field counts when Enter is pressed or it is left, which is when browsers send "change"; until then
   // nobody hears of what is typed.
   addEventListener("input", (event) => {
-    if (event.target.type === "text") event.stopImmediatePropagation();
+    if (event.target.matches(".mantine-TextInput-input")) event.stopImmediatePropagation();
   }, true);
 
   // What opens and closes by a click does so by a key, too.

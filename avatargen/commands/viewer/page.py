@@ -66,12 +66,11 @@ class Page:
         self.shape: Asset | None = None  # in the pose of the sliders
         self.box: Float64[np.ndarray, "2 3"] | None = None  # around this person in all poses so far
         self.stood: Float64[np.ndarray, " 3"] | None = None  # where the camera was put
-        self.aspect = 0.0  # for which it was put there
         self.add_person_controls()
         self.add_download_controls()
         self.add_pose_controls()
         self.add_view_controls()
-        tab.camera.on_update(lambda camera: self.fit() if camera.aspect != self.aspect else None)
+        tab.camera.on_update(lambda camera: self.fit())  # the page may have another size
         self.want()
 
     def add_person_controls(self) -> None:
@@ -244,8 +243,7 @@ class Page:
         moved = self.stood is not None and not np.allclose(camera.position, self.stood, atol=1e-3)
         if self.box is None or min(camera.image_height, camera.image_width) == 0 or (moved and not always):
             return
-        self.aspect = camera.aspect
-        self.stood, middle = place(self.box, camera.fov, self.aspect)
+        self.stood, middle = place(self.box, camera.fov, camera.aspect)
         with self.tab.atomic():
             camera.position, camera.look_at = self.stood, middle
 

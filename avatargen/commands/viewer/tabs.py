@@ -55,8 +55,8 @@ def set_scene(server: viser.ViserServer) -> None:
 
 
 def light(scene: viser.SceneApi) -> None:
-    """An even sky and one lamp before the person. viser's own lights stand behind and burn pale faces out;
-    its environment shines on every dark cloth."""
+    """An even sky and one lamp before the person: viser's own lights stand behind and burn pale faces out,
+    and its environment shines on dark cloth."""
     scene.configure_default_lights(enabled=False)
     scene.configure_environment_map(None)
     scene.add_light_hemisphere("/sky", sky_color=(255, 250, 245), ground_color=(170, 160, 150), intensity=2.2)
