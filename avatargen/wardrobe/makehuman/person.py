@@ -20,10 +20,10 @@ from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
 from avatargen.wardrobe.makehuman.dye import dyed, printed
-from avatargen.wardrobe.makehuman.face import SkinPaint
+from avatargen.wardrobe.makehuman.face import SkinPaint, between_lips
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_folder, read_texture
-from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, used_texels
+from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, trim_texels, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
 from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
@@ -127,7 +127,7 @@ class DressedPerson:
     ) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
         """The layers laid over one another."""
         hit = self.body.distance.query(points)
-        distance = hit.distance.astype(np.float64)
+        distance = hit.distance - between_lips(points)
         colour = self.paint.color(points, hit) if coloured else np.zeros((len(points), 3))
         bare = 1 - (self.hidden[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
         laid = [worn.layer(points) for worn in self.worn]
@@ -259,7 +259,8 @@ class Wardrobe:
         """A garment in one person's colours."""
         garment = self.garments[name]
         used = used_texels(garment)
-        texture = garment.texture if colour is None else dyed(garment.texture, used, colour)
+        own = used & ~trim_texels(garment)
+        texture = garment.texture if colour is None else dyed(garment.texture, own, colour)
         texture = padded(texture, used)
         return Worn(
             solid=Solid(garment=garment),
