@@ -141,6 +141,9 @@ class DressedPerson:
             distance, colour = laid_over(distance, colour, inner, dye, ahead)
         if self.hair is not None:
             outer = self.hair.distance(points).astype(np.float64)
+            for worn, (hat, _, _) in zip(self.worn, laid, strict=True):
+                if worn.solid.garment.kind == "hat":
+                    outer = under_hat(outer, hat, worn.solid.above_opening(points))
             dye = np.zeros((len(points), 3))
             near = np.flatnonzero(outer < 0.02)
             if coloured and len(near):
@@ -170,6 +173,13 @@ def kept_inside(
 ) -> Float64[np.ndarray, " N"]:
     """What lies beneath a layer, cut off where it would come out of it and is not `free` (1) to."""
     return np.maximum(beneath, outer + GAP - LOOSE * free - 4 * np.maximum(outer - CATCH, 0))
+
+
+def under_hat(
+    hair: Float64[np.ndarray, " N"], hat: np.ndarray, above: Float64[np.ndarray, " N"]
+) -> Float64[np.ndarray, " N"]:
+    """Hair with a hat over it: what is `above` (m) the hat's opening stays inside the hat."""
+    return np.maximum(hair, np.minimum(hat + GAP, above))
 
 
 def laid_over(
