@@ -36,6 +36,7 @@ CATCH = 0.025  # m outside a garment that what sticks out is still cut off
 SEAM = 0.0006  # m, softness of the colour's edge between layers
 AHEAD = 0.0015  # m that the layer beneath must come out to be seen: where both lie together, cloth is
 POKE = 0.015  # m that skin may stick out of cloth that runs along it, to be counted as hidden
+BRIM = 0.008  # m under a hat's opening that hair ends: brims hang lower in front
 MARGIN = 0.04  # m around everything
 
 
@@ -178,8 +179,8 @@ def kept_inside(
 def under_hat(
     hair: Float64[np.ndarray, " N"], hat: np.ndarray, above: Float64[np.ndarray, " N"]
 ) -> Float64[np.ndarray, " N"]:
-    """Hair with a hat over it: what is `above` (m) the hat's opening stays inside the hat."""
-    return np.maximum(hair, np.minimum(hat + GAP, above))
+    """Hair with a hat over it: what is `above` (m) the hat's opening, or just under it, stays inside."""
+    return np.maximum(hair, np.minimum(hat + GAP, above + BRIM))
 
 
 def laid_over(
