@@ -42,6 +42,7 @@ NEW = (
 )
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
+THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the back
 HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brownlight")
 
@@ -182,7 +183,7 @@ def hair_style(draw: Draw, garments: dict[str, FittedGarment], woman: bool, dark
     """A style for the sex; afro hair on dark skins."""
     if not woman and draw.share("hair_style") > 0.93:
         return None
-    styles = [g for g in garments.values() if g.kind == "hair"]
+    styles = [g for g in garments.values() if g.kind == "hair" and g.name not in THIN]
     fitting = [g for g in styles if ("Female" in g.tags) == woman or not {"Male", "Female"} & set(g.tags)]
     fitting = [g for g in fitting if "Afro" not in g.tags or dark > 0.7]
     return str(draw.one_of("hair_style", tuple(sorted(g.name for g in fitting)))) if fitting else None
