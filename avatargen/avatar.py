@@ -226,6 +226,7 @@ class AvatarSampler:
         if self.sizing is not None:
             tall = MEAN_PERSON + truncation * (stature(people_of(z)) - MEAN_PERSON)
             betas = self.sizing.sized(betas, tall if height is None else torch.full_like(tall, height))
+            betas = self.sizing.faced(betas, people_of(z), truncation)
         return betas[0]
 
 

@@ -6,6 +6,7 @@ import trimesh
 
 from avatargen.avatar import shipped, training_body
 from avatargen.body.derive import (
+    BETAS,
     boundary_loop,
     eye_patch,
     fit_regressor,
@@ -19,6 +20,7 @@ from avatargen.body.derive import (
 from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
+from avatargen.wardrobe.faces import FACE_SHAPES
 
 
 def test_the_shipped_body_is_one_closed_outward_surface():
@@ -32,7 +34,7 @@ def test_the_shipped_body_is_one_closed_outward_surface():
             and mesh.euler_number == 2
         )
         assert 0.05 < mesh.volume < 0.09  # cubic metres of an adult
-    assert body.shapedirs.shape[2] == 10 and len(body.joint_names) == 52
+    assert body.shapedirs.shape[2] == BETAS + len(FACE_SHAPES) and len(body.joint_names) == 52
     joints = body.J_regressor @ body.v_template
     assert np.abs(joints[0]).max() < 2e-3  # pelvis at the origin
     assert np.abs(joints[:, 0].sum()) < 0.02  # left and right mirror each other

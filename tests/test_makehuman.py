@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from scipy.spatial import KDTree
 from skimage.color import rgb2lab
 
 from avatargen.avatar import shipped
@@ -22,11 +23,12 @@ from avatargen.wardrobe.attributes import LATENT_SIZE
 from avatargen.wardrobe.makehuman.choose import FULL_SIZE, draw_latent
 from avatargen.wardrobe.makehuman.dye import dyed
 from avatargen.wardrobe.makehuman.emblems import EMBLEMS, paint_out
+from avatargen.wardrobe.makehuman.face import LIPS_Y, between_lips
 from avatargen.wardrobe.makehuman.fit import at_rest, fit
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_asset, load_folder
-from avatargen.wardrobe.makehuman.pattern import pattern_places
-from avatargen.wardrobe.makehuman.person import Wardrobe, unit_normals
+from avatargen.wardrobe.makehuman.pattern import pattern_places, trim_texels, used_texels
+from avatargen.wardrobe.makehuman.person import Wardrobe, under_hat, unit_normals
 from avatargen.wardrobe.makehuman.pool import load_pool
 from avatargen.wardrobe.makehuman.read import Binding, read_binding, read_mesh
 from avatargen.wardrobe.makehuman.solid import Solid, boundary_loops
@@ -194,6 +196,19 @@ def test_strands_fill_down_to_the_head(body):
     assert (both < 0).all()
     assert hair.distance(np.array([[0, 1.2, 0.05]], np.float32))[0] > 0.25
     assert np.allclose(hair.shade(cap.vertices), 1)
+    assert_skin_beside_the_cards_is_bare(hair, body)
+
+
+def assert_skin_beside_the_cards_is_bare(hair: Strands, body) -> None:
+    """Skin to which no strand leads straight down within 6 mm is well outside the hair."""
+    points = hair.samples[0].astype(np.float32)
+    hit = body.distance.query(points)
+    feet = np.einsum("nk,nka->na", hit.barycentric, body.vertices[body.faces[hit.face]])
+    low, high = points.min(axis=0) - 0.02, points.max(axis=0) + 0.02
+    skin = body.vertices[((body.vertices > low) & (body.vertices < high)).all(axis=1)]
+    away = KDTree(np.concatenate([feet, points])).query(skin)[0] > 0.006
+    assert away.sum() > 20
+    assert np.quantile(hair.distance(skin[away]), 0.05) > 0.002  # m; the rest is in notches of the hairline
 
 
 def test_dyeing_moves_the_middle_and_keeps_what_differs():
@@ -207,6 +222,45 @@ def test_dyeing_moves_the_middle_and_keeps_what_differs():
     assert np.abs(np.median(lab[used], axis=0) - wanted).max() < 1.5
     was = rgb2lab(texture[..., :3])[..., 0][used]
     assert np.corrcoef(was, lab[..., 0][used])[0, 1] > 0.99
+
+
+def test_pieces_of_another_colour_are_trim_and_keep_it():
+    """A sheet of a dark piece and, apart from it on the texture, a small light one."""
+    texture = np.full((64, 64, 4), (30, 30, 35, 255), np.uint8)
+    texture[:, 52:] = (230, 230, 225, 255)
+    wide, small = (
+        ((0.05, 0.05), (0.7, 0.05), (0.7, 0.95), (0.05, 0.95)),
+        ((0.85, 0.1), (0.95, 0.1), (0.95, 0.5)),
+    )
+    uv = np.array([[wide[0], wide[1], wide[2]], [wide[0], wide[2], wide[3]], small], np.float32)
+    suit = FittedGarment(
+        name="suit", kind="top", tags=(), vertices=np.eye(7, 3, dtype=np.float32),
+        faces=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6]]), uv=uv, texture=texture, z_depth=0,
+        hidden=np.zeros(0, np.int64),
+    )  # fmt: skip
+    used, trim = used_texels(suit), trim_texels(suit)
+    assert trim.any() and trim[:, 52:].sum() == trim.sum() == used[:, 52:].sum()
+    green = dyed(texture, used & ~trim, (0.1, 0.3, 0.1))
+    assert (green[trim] == texture[trim]).all() and (green[10, 10, 1] > green[10, 10, [0, 2]] + 20).all()
+
+
+def test_hair_under_a_hat_stays_inside_it_above_its_opening():
+    hair, hat, above = (
+        np.array([-0.01] * 4),
+        np.array([-0.02, 0.03, 0.03, -0.02]),
+        np.array([0.05, 0.05, -0.04, -0.04]),
+    )
+    cut = under_hat(hair, hat, above)
+    assert np.allclose(cut, [-0.01, 0.033, -0.01, -0.01])  # inside it, beside it, and below it twice
+
+
+def test_an_opening_is_the_plane_of_the_longest_edge(shirt):
+    solid = Solid(garment=shirt)
+    _, normal = solid.opening
+    first, second = (solid.above_opening(shirt.vertices[loop]) for loop in solid.loops)
+    assert normal[1] > 0.9 and min(np.abs(first).max(), np.abs(second).max()) < 0.05
+    up = (0.1 * normal).astype(np.float32)
+    assert np.allclose(solid.above_opening(shirt.vertices + up) - solid.above_opening(shirt.vertices), 0.1)
 
 
 def test_emblems_are_painted_out_and_nothing_else_is_touched():
@@ -290,3 +344,30 @@ def test_a_real_person_is_a_whole_field(wardrobe):
     shell = person.body.vertices + 0.0005 * normals
     colour = person.color(torch.from_numpy(shell.astype(np.float32)))
     assert colour.min() >= 0 and colour.max() <= 1 and bool(torch.isfinite(colour).all())
+
+
+@real
+@pytest.mark.parametrize("name", ["short04", "ponytail01"])
+def test_real_hair_ends_where_its_cards_do(wardrobe, body, name):
+    assert_skin_beside_the_cards_is_bare(Strands(garment=wardrobe.garments[name], body=body.distance), body)
+
+
+@real
+def test_a_suit_keeps_its_shirt_and_tie(wardrobe):
+    """However a suit is dyed: the shirt's front and tie are the artist's, half of them nearly white."""
+    suit = wardrobe.garments["male_elegantsuit01-top"]
+    trim = trim_texels(suit)
+    worn = wardrobe.wear(suit.name, (0.1, 0.4, 0.1), "plain", wardrobe.attributes(0))
+    assert 0.02 < trim.sum() / used_texels(suit).sum() < 0.1
+    assert (worn.texture[trim] == suit.texture[trim]).all()
+
+
+@real
+def test_no_slit_is_left_between_the_lips(wardrobe, body):
+    person = wardrobe.sample(3)
+    y = np.linspace(LIPS_Y - 0.0015, LIPS_Y + 0.0015, 7)
+    ahead = np.stack([0 * y, y, np.full(7, 0.2)], axis=1)
+    for _ in range(60):
+        ahead[:, 2] -= 0.9 * person.sdf(torch.from_numpy(ahead.astype(np.float32))).numpy()
+    assert np.abs(np.diff(ahead[:, 2])).max() < 0.0008  # m, over half a millimetre of height
+    assert not between_lips(body.vertices[body.vertices[:, 1] > LIPS_Y + 0.02]).max() > 1e-5

@@ -109,8 +109,9 @@ def make_people(
     poses: Float[Tensor, "B J 3"],
     betas: Float[Tensor, "B b"],
 ) -> list[Person]:
-    """Pose everybody's body. The pose and shape that pictures show carry no gradient."""
-    people = []
+    """Pose everybody's body. The pose and shape that pictures show carry no gradient. Networks made for fewer
+    directions of shape than the body has are told the first of them."""
+    people, told = [], (0, generator.config.shape_count - betas.shape[1])
     with torch.autocast(w.device.type, enabled=False):
         parts = [layers.of_each(len(w)) for layers in generator.layers(w)]
     for i, layers in enumerate(zip(*parts, strict=True)):
@@ -123,7 +124,7 @@ def make_people(
                 planes=planes[one],
                 layers=layers,
                 pose=poses[one],
-                betas=betas[one],
+                betas=torch.nn.functional.pad(betas[one], told),
                 posed=posed,
                 map=canonical_map(posed, surface.canonical),
             )

@@ -201,7 +201,8 @@ def losses(
     color_error = (color - target.color).abs().mean(-1)
     distance_loss = (error * weight).mean() / config.distance_unit
     color_loss = (color_error * painted).sum() / painted.sum().clamp(min=1)
-    betas_loss = (generator.betas(w) - batch.betas).square().mean()
+    own = generator.betas(w)  # faces are no network's, where it was made for builds alone
+    betas_loss = (own - batch.betas[:, : own.shape[1]]).square().mean()
     loss = distance_loss + config.colour_weight * color_loss + config.betas_weight * betas_loss
     errors = Errors(
         distance_mm=1000 * float((error.detach() * near).sum() / near.sum().clamp(min=1)),

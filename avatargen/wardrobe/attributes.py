@@ -76,12 +76,14 @@ MEASURES = [
 ]
 COLOURS = ["hair", "top", "second", "bottom", "outer", "shoe"]
 FACE = ["nose", "nose_width", "jaw", "chin", "cheek"]  # measures
+FACE_SHAPE_ALONE = ["eye_size", "head"]  # of the body's shape, not of the canonical field
 LATENT_SIZE = 80
 CODING = "wardrobe"  # what a checkpoint's notes call a z that is read like this
 
 _SINGLE = {name: i for i, name in enumerate((*CHOICES, *MEASURES))}
 _COLOURED = {name: len(_SINGLE) + 3 * i for i, name in enumerate(COLOURS)}
-_COORDINATE = _SINGLE | _COLOURED | {name: len(_SINGLE) + 3 * len(COLOURS) + i for i, name in enumerate(FACE)}
+_FACES = {name: len(_SINGLE) + 3 * len(COLOURS) + i for i, name in enumerate((*FACE, *FACE_SHAPE_ALONE))}
+_COORDINATE = _SINGLE | _COLOURED | _FACES
 
 # opponent axes (reddish-greenish, yellowish-bluish) in display RGB, of equal weight
 _OPPONENT = torch.tensor([[0.75, -0.45, -0.05], [0.45, 0.25, -0.80]])

@@ -1,6 +1,6 @@
 """How tall people are: the wardrobe's people at human statures, carried by the body's shape coefficients.
 
-    z --stature--> metres,    betas --Sizing.sized--> betas of that stature
+    z --stature--> metres,    betas --Sizing.sized--> betas of that stature --Sizing.faced--> with a face
 
 A person's stature is that of the body alone, standing straight: crown of the head to the soles. Women are
 1.63 m and men 1.76 m tall in the mean, with a standard deviation of 0.07 m, about as adults are.
@@ -16,6 +16,7 @@ from torch import Tensor
 from avatargen.body.model import Body
 from avatargen.wardrobe import MARKS
 from avatargen.wardrobe.attributes import People, phenotype
+from avatargen.wardrobe.faces import face_betas
 
 WOMEN, MEN = 1.63, 1.76  # m, the means
 SPREAD = 0.07  # m, the standard deviation
@@ -38,7 +39,7 @@ def stature(people: People) -> Float64[Tensor, "B 1"]:
 
 class Sizing:
     """Statures of one body's shapes, and the wardrobe's shapes for it. Its shape directions must be those of
-    the default body, whose phenotypes are known."""
+    the default body, whose phenotypes are known: builds first, then faces, of which it may have fewer."""
 
     def __init__(self, body: Body) -> None:
         height = body.v_template[:, 1]
@@ -48,6 +49,8 @@ class Sizing:
             self.phenotype_to_betas = torch.from_numpy(marks["phenotype_to_betas"])
             taller = self.phenotype_to_betas[:, list(marks["phenotype_names"]).index("height")].double()
         self.taller = taller / torch.linalg.vector_norm(taller)
+        self.builds = len(taller)
+        self.faces = max(body.shapedirs.shape[2] - self.builds, 0)
 
     def stature(self, betas: Float[Tensor, "B b"]) -> Float64[Tensor, "B 1"]:
         """Crown of the head to the soles of each shape, metres."""
@@ -56,28 +59,36 @@ class Sizing:
 
     def sized(self, betas: Float[Tensor, "B b"], metres: Float[Tensor, "B 1"]) -> Float[Tensor, "B b"]:
         """The same shapes as tall as asked, changed along the direction in which the body's own height
-        changes, so that heads, legs and shoulders keep a human's share.
+        changes, so that heads, legs and shoulders keep a human's share. Faces stay.
         """
+        taller = torch.zeros(betas.shape[1], dtype=torch.float64)
+        taller[: self.builds] = self.taller
         found = betas.double()
         for _ in range(STEPS):
             top, bottom = self.ends(found)
             high, low = top.argmax(dim=1), bottom.argmin(dim=1)
-            slope = (self.crown[high, :-1] - self.soles[low, :-1]) @ self.taller  # m, positive: it is height
+            rows = self.crown[high, : len(taller)] - self.soles[low, : len(taller)]
+            slope = rows @ taller  # m, positive: it is height
             short = metres - (top.amax(dim=1, keepdim=True) - bottom.amin(dim=1, keepdim=True))
-            found = found + short / slope[:, None] * self.taller
+            found = found + short / slope[:, None] * taller
         return found.to(betas.dtype)
 
     def betas(self, people: People) -> Float[Tensor, "B b"]:
-        """The people's shapes: sex, age and build by the phenotype, and their statures."""
+        """The people's shapes: sex, age and build by the phenotype, their statures and their faces."""
         ones = torch.ones(len(people.z), 1)
         drawn = torch.cat([phenotype(people), ones], dim=1) @ self.phenotype_to_betas.T
-        return self.sized(drawn.clamp(-SHAPE_RANGE, SHAPE_RANGE), stature(people))
+        return self.faced(self.sized(drawn.clamp(-SHAPE_RANGE, SHAPE_RANGE), stature(people)), people)
+
+    def faced(self, betas: Float[Tensor, "B b"], people: People, share: float = 1.0) -> Float[Tensor, "B _"]:
+        """The same builds with a share of the people's own faces."""
+        faces = share * face_betas(people)[:, : self.faces].to(betas)
+        return torch.cat([betas[:, : self.builds], faces], dim=1)
 
     def ends(self, betas: Float[Tensor, "B b"]) -> tuple[Float64[Tensor, "B K"], Float64[Tensor, "B L"]]:
         """Heights of the vertices at the crown and at the soles."""
-        one = torch.ones(len(betas), 1, dtype=torch.float64)
-        numbers = torch.cat([betas.double(), one], dim=1)
-        return numbers @ self.crown.T, numbers @ self.soles.T
+        numbers, count = betas.double(), betas.shape[1]
+        top, bottom = (numbers @ end[:, :count].T + end[:, -1] for end in (self.crown, self.soles))
+        return top, bottom
 
 
 def rows(body: Body, chosen: np.ndarray) -> Float64[Tensor, "K R"]:

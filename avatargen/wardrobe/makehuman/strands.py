@@ -1,8 +1,9 @@
 """Hair as a closed volume: cards with an alpha texture, filled down to the scalp.
 
-What is opaque of the cards is sampled, the samples fill a grid, a morphological closing joins them with each
-other and with the head, and the grid's signed distance is smoothed a little. Colour comes from the nearest
-samples, as a shade: how bright a strand is beside the mean of all.
+What is opaque of the cards is sampled. The samples fill a grid, with all that lies between them and the skin
+beneath, so that a hairline is where the cards' alpha ends; a morphological closing joins strands with each
+other, and the grid's signed distance is smoothed a little. The head's inside is hair, too, but bare skin is
+well off it. Colour comes from the nearest samples, as a shade: how bright a strand is beside the mean of all.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,10 @@ CELL = 0.002  # m
 SPACING = 0.0012  # m between samples
 OPAQUE = 0.4  # alpha from which a card counts
 BRIDGE = 0.006  # m: gaps up to twice this are closed
+ROOTED = 0.02  # m over the skin up to which hair is filled down to it
+ROOTS = 0.008  # m under the skin that it is filled to
+CORE = 0.006  # m under the skin from which the head counts as hair's inside
+NEAR = 0.024  # m from the cards that anything is hair
 MARGIN = 0.016  # m around the cards
 SOFT = 0.8  # cells, of the smoothing
 STRANDS = 8  # samples whose shades are averaged
@@ -55,9 +60,30 @@ class Strands:
         corners = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         hair = np.zeros(corners.shape[:3], dtype=bool)
         hair[tuple(np.round((points - low) / CELL).astype(int).T)] = True
-        inside = self.body.query(corners.reshape(-1, 3).astype(np.float32)).distance < 0
-        whole = closing(hair | inside.reshape(hair.shape), hair)
+        depth = -self.body.query(corners.reshape(-1, 3).astype(np.float32)).distance.reshape(hair.shape)
+        rooted = hair.copy()
+        down = np.round((self.roots() - low) / CELL).astype(int)
+        rooted[tuple(down[((down >= 0) & (down < hair.shape)).all(axis=1)].T)] = True
+        closed = closing(rooted)
+        enclosed = np.asarray(binary_fill_holes(closed | (depth > 0))) & (depth <= 0)
+        whole = (closed | enclosed | (depth > CORE)) & (CELL * cells_to(hair) <= NEAR)
         return low, signed(whole)
+
+    def roots(self) -> Float64[np.ndarray, "R 3"]:
+        """Points from the samples straight down to the skin and a little further."""
+        points, _ = self.samples
+        _, first = np.unique(np.round(points / CELL).astype(np.int64), axis=0, return_index=True)
+        hit = self.body.query(points[first].astype(np.float32))
+        corners = self.body.corners[hit.face]
+        foot = np.einsum("nk,nka->na", hit.barycentric.astype(np.float64), corners)
+        up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        far = np.abs(hit.distance) > 0.5 * CELL  # nearer by, the way to the skin has no direction
+        up[far] = ((points[first] - foot) * np.sign(hit.distance)[:, None])[far]
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
+        steps = np.arange(-ROOTS, ROOTED, 0.5 * CELL)
+        beneath = (steps < hit.distance[:, None]) & (hit.distance[:, None] < ROOTED)
+        row, step = np.nonzero(beneath)
+        return foot[row] + steps[step, None] * up[row]
 
     def distance(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
         """Signed distance to the hair's volume, which fills the head behind it too, m."""
@@ -80,15 +106,13 @@ def cells_to(filled: Bool[np.ndarray, "X Y Z"]) -> Float64[np.ndarray, "X Y Z"]:
     return np.asarray(distance_transform_edt(~filled))
 
 
-def closing(filled: Bool[np.ndarray, "X Y Z"], hair: Bool[np.ndarray, "X Y Z"]) -> Bool[np.ndarray, "X Y Z"]:
-    """The morphological closing by a ball of BRIDGE, and what it encloses, where that is near hair."""
+def closing(filled: Bool[np.ndarray, "X Y Z"]) -> Bool[np.ndarray, "X Y Z"]:
+    """The morphological closing by a ball of BRIDGE."""
     radius = BRIDGE / CELL
     pad = int(radius) + 2
-    wide = np.pad(filled, pad)
-    swollen = cells_to(wide) <= radius
+    swollen = cells_to(np.pad(filled, pad)) <= radius
     closed = cells_to(~swollen) > radius
-    closed = np.asarray(binary_fill_holes(closed[pad:-pad, pad:-pad, pad:-pad] | filled))
-    return closed & (cells_to(hair) <= 4 * radius)
+    return closed[pad:-pad, pad:-pad, pad:-pad] | filled
 
 
 def signed(filled: Bool[np.ndarray, "X Y Z"]) -> Float32[np.ndarray, "X Y Z"]:
