@@ -2,7 +2,7 @@
 silent.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from avatargen.errors import InputError, TrainingError
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import DEBUG, GeneratorConfig, for_body
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.training.pool import cached_pool
+from avatargen.training.pool import NUMBERS, cached_pool
 from avatargen.training.warm_start import (
     Stream,
     WarmStartConfig,
@@ -29,6 +29,7 @@ from avatargen.training.warm_start import (
 )
 from avatargen.wardrobe import garments
 from avatargen.wardrobe.attributes import LATENT_SIZE
+from avatargen.wardrobe.chart import Places
 
 TINY = WarmStartConfig(
     trait_steps=2,
@@ -63,6 +64,18 @@ def pool_file(body: CanonicalBody, tmp_path_factory: pytest.TempPathFactory) -> 
 @pytest.fixture
 def stream(body: CanonicalBody, pool_file: Path) -> Stream:
     return Stream(cached_pool(pool_file, body, TINY.pool, TINY.seed), TINY, body)
+
+
+def test_a_pool_is_read_at_its_own_size_and_no_larger(body: CanonicalBody, pool_file: Path, tmp_path: Path):
+    pool = cached_pool(pool_file, body, TINY.pool, TINY.seed)
+    channels = {f.name: getattr(pool, f.name) for f in fields(Places)}
+    assert sum(channel.numel() for channel in channels.values()) == NUMBERS * len(pool.p)
+    assert sum(channel.nbytes for channel in channels.values()) <= 8 * NUMBERS * len(pool.p)
+    with pytest.raises(InputError, match="at most"):
+        cached_pool(pool_file, body, TINY.pool // 4, TINY.seed)
+    np.savez(tmp_path / "cut.npz", **{name: array for name, array in channels.items() if name != "leg"})
+    with pytest.raises(InputError, match="lacks a channel"):
+        cached_pool(tmp_path / "cut.npz", body, TINY.pool, TINY.seed)
 
 
 def run(

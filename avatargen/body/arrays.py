@@ -19,8 +19,10 @@ MAX_MEMBERS = 1000
 KINDS = "fiuU"  # floats, integers, text; never objects
 
 
-def read_npz(path: Path, keys: tuple[str, ...], what: str) -> dict[str, np.ndarray]:
+def read_npz(path: Path, keys: tuple[str, ...], what: str, most: int = MAX_NUMBERS) -> dict[str, np.ndarray]:
     """Read those of `keys` that the file holds; every other member is left unread.
+
+    `most` numbers are read, and eight times as many bytes.
 
     A member is read only if its header is a plain numeric or text array whose size is that of the stored
     data, within the limit: a forged header cannot ask for memory.
@@ -37,9 +39,9 @@ def read_npz(path: Path, keys: tuple[str, ...], what: str) -> dict[str, np.ndarr
             members = {info.filename: info for info in archive.infolist()}
             wanted = {key: members[f"{key}.npy"] for key in keys if f"{key}.npy" in members}
             total = sum(info.file_size for info in wanted.values())
-            if total > MAX_FILE_BYTES:
+            if total > 8 * most:
                 raise InputError(
-                    f"{what}: {path} says it holds {total:.3g} bytes; at most {MAX_FILE_BYTES:.3g} are read"
+                    f"{what}: {path} says it holds {total:.3g} bytes; at most {8 * most:.3g} are read"
                 )
             arrays = {key: read_member(archive, info, what) for key, info in wanted.items()}
     except OSError as error:
@@ -55,8 +57,8 @@ def read_npz(path: Path, keys: tuple[str, ...], what: str) -> dict[str, np.ndarr
         raise InputError(
             f"{what}: {path} is no whole .npz file ({error}); save it again with numpy.savez"
         ) from error
-    if (numbers := sum(array.size for array in arrays.values())) > MAX_NUMBERS:
-        raise InputError(f"{what}: {path} holds {numbers:.3g} numbers; at most {MAX_NUMBERS:.3g} are read")
+    if (numbers := sum(array.size for array in arrays.values())) > most:
+        raise InputError(f"{what}: {path} holds {numbers:.3g} numbers; at most {most:.3g} are read")
     return arrays
 
 

@@ -19,6 +19,18 @@ from avatargen.generator.config import body_hash
 from avatargen.wardrobe import MARKS
 from avatargen.wardrobe.chart import Chart, Places
 
+CHANNELS = {
+    "p": (3,),
+    "body": (),
+    "closed": (),
+    "shod": (),
+    "leg": (3,),
+    "eye": (),
+    "corners": (3,),
+    "barycentric": (3,),
+}  # of `Places`, and what each holds for a place
+NUMBERS = 16  # of a place
+ROOM = 1000  # numbers, for the headers of a pool's file
 HEAD_DENSITY = 6.0  # points per area on the head over those elsewhere
 # boxes (low, high, metres) where cloth or hair hangs off the body, and their shares of the pool
 HANGING = (
@@ -65,7 +77,7 @@ def make_pool(body: CanonicalBody, count: int, seed: int, deepest: float = 0.025
 
 
 def cached_pool(path: Path, body: CanonicalBody, count: int, seed: int) -> Places:
-    """The pool from its file, or made and written there.
+    """The pool of `count` points from its file, or made and written there.
 
     Raises:
         InputError: the file is damaged, or holds a pool of another size, seed or body.
@@ -73,11 +85,14 @@ def cached_pool(path: Path, body: CanonicalBody, count: int, seed: int) -> Place
     names = tuple(f.name for f in fields(Places))
     made_from = f"{count} points, seed {seed}, body {body_hash(body)}"
     if path.exists():
-        arrays = read_npz(path, (*names, "made_from"), what="pool")
-        found = str(arrays.get("made_from", "it does not say what"))
+        arrays = read_npz(path, (*names, "made_from"), what="pool", most=count * NUMBERS + ROOM)
+        found = str(arrays.pop("made_from", "it does not say what"))
         if found != made_from:
             raise InputError(f"pool: {path} is of {found}, wanted {made_from}; remove it to make another")
-        return Places(**{name: torch.from_numpy(arrays[name].copy()) for name in names})
+        shapes = {name: arrays[name].shape[1:] for name in names if name in arrays}
+        if shapes != CHANNELS or len({len(array) for array in arrays.values()}) > 1:
+            raise InputError(f"pool: {path} lacks a channel of its points; remove it, and it is made anew")
+        return Places(**{name: torch.from_numpy(array) for name, array in arrays.items()})
     pool = make_pool(body, count, seed)
     stream = io.BytesIO()
     arrays = {name: getattr(pool, name).numpy() for name in names}
