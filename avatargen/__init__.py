@@ -12,10 +12,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from avatargen.avatar import Avatar, load_generator
+    from avatargen.avatar import Avatar
     from avatargen.export.many import export_many
     from avatargen.export.one import export_avatar
     from avatargen.export.request import ExportRequest
+    from avatargen.loading import load_generator
     from avatargen.wardrobe.choosing import Traits
 
 __version__ = "0.1.0"
@@ -25,7 +26,7 @@ MODULE_OF = {
     "Traits": "wardrobe.choosing",
     "export_avatar": "export.one",
     "export_many": "export.many",
-    "load_generator": "avatar",
+    "load_generator": "loading",
 }
 __all__ = [
     "Avatar",

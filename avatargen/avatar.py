@@ -1,6 +1,6 @@
 """An avatar: one person as functions of canonical points, and the generator that draws them.
 
-    load_generator() -> AvatarSampler --sample(seed)--> Avatar --sdf(points), color(points)--> numbers
+    load_single(weights) -> AvatarSampler --sample(seed)--> Avatar --sdf(points), color(points)--> numbers
 
 Canonical space: X-pose, betas 0, metres, y up, facing +z. Letters: N points, D size of w, B directions of
 shape.
@@ -9,6 +9,7 @@ shape.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -16,7 +17,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor, nn
 
 from avatargen import __version__
-from avatargen.avatar_info import AvatarInfo
+from avatargen.avatar_info import AvatarInfo, Described
 from avatargen.body.distance import BodyDistance
 from avatargen.body.fingers import without_fingers
 from avatargen.body.load import load_body
@@ -36,7 +37,8 @@ from avatargen.threads import spread
 from avatargen.wardrobe.attributes import CODING
 from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.condition import condition
-from avatargen.wardrobe.describe import Attributes, describe, people_of
+from avatargen.wardrobe.describe import describe, people_of
+from avatargen.wardrobe.dressed import DressedField
 from avatargen.wardrobe.stature import MEAN_PERSON, Sizing, stature
 
 LARGEST_SEED = 2**63 - 1
@@ -55,7 +57,7 @@ class Avatar:
     betas: Float32[np.ndarray, " B"]
     bounds: Float32[np.ndarray, "2 3"]
     info: AvatarInfo
-    field: PersonField
+    field: PersonField | DressedField
 
     @property
     def seed(self) -> int:
@@ -67,9 +69,9 @@ class Avatar:
         return self.info.height_m
 
     @property
-    def attributes(self) -> Attributes | None:
+    def attributes(self) -> Described | None:
         """The person in words; None where the weights do not say, or the person is drawn to the mean."""
-        return self.info.attributes if isinstance(self.info.attributes, Attributes) else None
+        return self.info.attributes
 
     @torch.inference_mode()
     def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
@@ -117,7 +119,7 @@ class Avatar:
         def answer(index: np.ndarray) -> np.ndarray:
             return field(given[index])
 
-        on_cpu = self.field.w.device.type == "cpu"
+        on_cpu = self.field.device.type == "cpu"
         count = -(-len(order) // (CPU_CHUNK if on_cpu else GPU_CHUNK))
         if on_cpu:
             count = max(count, min(FEWEST_CHUNKS, len(order) // WORTH_A_THREAD))
@@ -128,6 +130,24 @@ class Avatar:
         if not np.isfinite(values).all():
             raise FieldError(f"avatar: the {what} of seed {self.seed} is NaN or infinite; check the weights")
         return values
+
+
+@runtime_checkable
+class Sampler(Protocol):
+    """A generator on a body: draws avatars by seed."""
+
+    @property
+    def body(self) -> CanonicalBody: ...
+
+    @property
+    def weights_hash(self) -> str: ...
+
+    def sample(
+        self,
+        seed: int,
+        truncation: float = 1.0,
+        traits: Traits | Mapping[str, str | float] | None = None,
+    ) -> Avatar: ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,15 +185,11 @@ class AvatarSampler:
             InputError: the seed is no whole number in 0..2^63 - 1, truncation is not in 0..1, or traits are
             unknown, contradict each other, or are none that these weights or this body can show.
         """
-        if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
-            raise InputError(f"seed: {seed!r} is none; a seed is a whole number from 0 to 2^63 - 1")
-        if not 0 <= truncation <= 1:
-            raise InputError(f"truncation: {truncation} is out of range; choose 0 (the mean person) to 1")
-        draw = torch.Generator().manual_seed(seed)
-        z = torch.randn(1, self.generator.config.mapping.z_size, generator=draw)
+        require_truncation(truncation)
+        z = latent_of(seed, self.generator.config.mapping.z_size)
         chosen = traits if isinstance(traits, Traits) else traits_of(traits or {})
         if chosen.given():
-            self.require_choice(chosen, truncation)
+            require_shown(chosen, truncation, coded=self.coded, sizing=self.sizing)
             z = condition(z, chosen)
         device = self.offset.device
         w = self.generator.mapping(z.to(device), front_camera().vector.to(device), truncation)
@@ -203,19 +219,6 @@ class AvatarSampler:
             ),
         )
 
-    def require_choice(self, traits: Traits, truncation: float) -> None:
-        """Raise InputError for traits that these weights, or this body, do not show."""
-        if not self.coded:
-            raise InputError(
-                "traits: these weights do not say what their latents mean; use the shipped ones, or no traits"
-            )
-        if truncation < 1:
-            raise InputError(f"traits: truncation {truncation:g} would draw them to the mean; leave it at 1")
-        if traits.height is not None and self.sizing is None:
-            raise InputError(
-                "height: the shape directions of this body are not known; leave out the height, or the body"
-            )
-
     def shape_of(
         self, w: Float[Tensor, "1 D"], z: Float[Tensor, "1 Z"], truncation: float, height: float | None
     ) -> Float[Tensor, " B"]:
@@ -230,6 +233,39 @@ class AvatarSampler:
         return betas[0]
 
 
+def latent_of(seed: int, size: int) -> Float[Tensor, "1 Z"]:
+    """A seed's latent, drawn on the CPU: the same on any machine.
+
+    Raises:
+        InputError: the seed is no whole number from 0 to 2^63 - 1.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
+        raise InputError(f"seed: {seed!r} is none; a seed is a whole number from 0 to 2^63 - 1")
+    return torch.randn(1, size, generator=torch.Generator().manual_seed(seed))
+
+
+def require_truncation(truncation: float) -> None:
+    """Raise InputError for a truncation that is not in 0..1."""
+    if not 0 <= truncation <= 1:
+        raise InputError(f"truncation: {truncation} is out of range; choose 0 (the mean person) to 1")
+
+
+def require_shown(traits: Traits, truncation: float, *, coded: bool, sizing: Sizing | None) -> None:
+    """Raise InputError for traits that weights, or a body, do not show: without the wardrobe's coding, or
+    without statures.
+    """
+    if not coded:
+        raise InputError(
+            "traits: these weights do not say what their latents mean; use the shipped ones, or no traits"
+        )
+    if truncation < 1:
+        raise InputError(f"traits: truncation {truncation:g} would draw them to the mean; leave it at 1")
+    if traits.height is not None and sizing is None:
+        raise InputError(
+            "height: the shape directions of this body are not known; leave out the height, or the body"
+        )
+
+
 def box_around(body: CanonicalBody, config: PlanesConfig, offset: np.ndarray) -> Float32[np.ndarray, "2 3"]:
     """A box that holds the planes' box, moved to this body, and the body with a margin, metres."""
     low = np.minimum(np.array(config.low) - offset, body.vertices.min(axis=0) - BOX_MARGIN)
@@ -237,12 +273,12 @@ def box_around(body: CanonicalBody, config: PlanesConfig, offset: np.ndarray) ->
     return np.stack([low, high]).astype(np.float32)
 
 
-def load_generator(
-    weights: str | Path | None = None,
+def load_single(
+    weights: str | Path,
     body: str | Path | Body | None = None,
     device: str | torch.device = "cpu",
 ) -> AvatarSampler:
-    """Load a generator, by default the one that comes with the package, on its own body or on another.
+    """Load a generator whose one field is the whole person, on its own body or on another.
 
     Another body than the one the weights were trained on wears the same people: what the generator learned at
     the vertices of its body is carried to the other's by closest points, pelvis to pelvis. Its betas are zero
@@ -251,7 +287,7 @@ def load_generator(
     Raises:
         InputError: a file is missing or damaged, or the weights fit neither this body nor the default one.
     """
-    checkpoint = load_checkpoint(weights or shipped("generator.safetensors"))
+    checkpoint = load_checkpoint(weights)
     generator, config = checkpoint.generator, checkpoint.generator.config
     require_exportable(config)
     source = body if isinstance(body, Body) else load_body(body or shipped("body.npz"))

@@ -11,11 +11,14 @@ import pytest
 import torch
 
 import avatargen
-from avatargen.avatar import CPU_CHUNK, AvatarSampler, load_generator
+from avatargen import load_generator
+from avatargen.avatar import CPU_CHUNK, AvatarSampler, load_single
 from avatargen.body.load import save_body
 from avatargen.errors import FieldError, InputError
 from avatargen.generator.camera import front_camera
 from avatargen.generator.checkpoint import save_checkpoint
+from avatargen.generator.person_field import PersonField
+from avatargen.shipped import shipped
 from tests.bodies import capsule_body, smpl_like_body
 from tests.generators import capsule_distance, points_near_body, random_generator
 
@@ -31,7 +34,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def sampler(weights: Path) -> AvatarSampler:
-    return load_generator(weights, BODY)
+    return load_single(weights, BODY)
 
 
 def test_fields_are_those_of_the_generator(sampler: AvatarSampler):
@@ -113,6 +116,7 @@ def test_nan_points_and_nan_fields_are_refused(sampler: AvatarSampler):
     avatar = sampler.sample(0)
     with pytest.raises(FieldError, match="NaN"):
         avatar.sdf(torch.tensor([[0.0, torch.nan, 0.0]]))
+    assert isinstance(avatar.field, PersonField)
     broken = replace(avatar, field=replace(avatar.field, table=avatar.field.table * torch.nan))
     for field in (broken.sdf, broken.color):
         with pytest.raises(FieldError, match="check the weights"):
@@ -166,7 +170,7 @@ def test_importing_the_package_is_light():
 
 
 def test_beyond_the_bounds_the_field_grows_with_the_way_back():
-    avatar = load_generator().sample(114)  # whose skirt reaches them
+    avatar = load_single(shipped("generator.safetensors")).sample(114)  # whose skirt reaches them
     edge = torch.tensor([-0.192, -0.705, float(avatar.bounds[0, 2])])
     steps = torch.linspace(0, 0.5, 11)
     found = avatar.sdf(edge - steps[:, None] * torch.tensor([0.0, 0.0, 1.0]))

@@ -10,7 +10,7 @@ from shapes import BOX, icosphere, sphere
 from assets.choose import Choice, within_budget, within_tolerance
 from assets.mesh.surface import Surface, smallest_angles
 from assets.texture.atlas import Atlas
-from avatargen.avatar import load_generator
+from avatargen.avatar import load_single
 from avatargen.commands.bench import run as bench
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.peer import with_cheap_distance, with_libigl
@@ -25,6 +25,7 @@ from avatargen.commands.bench.truth import (
     texture_psnr,
 )
 from avatargen.errors import InputError
+from avatargen.shipped import shipped
 
 
 def steep_ball(points: torch.Tensor) -> torch.Tensor:
@@ -117,7 +118,7 @@ def test_settings_are_chosen_by_what_was_measured() -> None:
 
 
 def test_libigls_tree_gives_the_same_distance_and_the_cheap_one_another() -> None:
-    avatar = load_generator().sample(3)
+    avatar = load_single(shipped("generator.safetensors")).sample(3)
     points = torch.from_numpy(np.random.default_rng(5).uniform(*avatar.bounds, size=(2000, 3)))
     exact = avatar.sdf(points)
     assert (with_libigl(avatar).sdf(points) - exact).abs().max() < 1e-5

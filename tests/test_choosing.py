@@ -11,7 +11,7 @@ import torch
 
 import avatargen
 from assets.assemble import asset_info
-from avatargen.avatar import AvatarSampler
+from avatargen.avatar import AvatarSampler, load_single, shipped
 from avatargen.errors import InputError
 from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.wardrobe import garments
@@ -19,7 +19,7 @@ from avatargen.wardrobe.attributes import LATENT_SIZE, People, coordinate
 from avatargen.wardrobe.choosing import VALUES, WORN_BY, Traits, read_traits, traits_of
 from avatargen.wardrobe.colour_names import KNOWN, colour_name, lab
 from avatargen.wardrobe.condition import condition
-from avatargen.wardrobe.describe import describe, people_of
+from avatargen.wardrobe.describe import Attributes, describe, people_of
 from avatargen.wardrobe.palettes import PALETTES
 from avatargen.wardrobe.stature import MEN, SPREAD, WOMEN
 from exporters.read_glb import read_glb
@@ -32,7 +32,7 @@ PEOPLE = 40
 
 @pytest.fixture(scope="module")
 def sampler() -> AvatarSampler:
-    return avatargen.load_generator()
+    return load_single(shipped("generator.safetensors"))
 
 
 def drawn(seed: int) -> torch.Tensor:
@@ -193,10 +193,11 @@ def test_a_sampled_person_has_the_traits_and_is_the_same_again(sampler: AvatarSa
     assert torch.equal(first.color(points), again.color(points))
     assert np.array_equal(first.betas, again.betas)
     said = first.attributes
-    assert said is not None and (said.gender, said.hair, said.bottom) == ("woman", "long", "dress")
+    assert isinstance(said, Attributes)
+    assert (said.gender, said.hair, said.bottom) == ("woman", "long", "dress")
     assert first.height == pytest.approx(1.7, abs=1e-5) and said.height_m == 1.7
     plain = sampler.sample(3)
-    assert plain.attributes is not None and plain.attributes.skin == said.skin
+    assert isinstance(plain.attributes, Attributes) and plain.attributes.skin == said.skin
     assert said.shoe_color == plain.attributes.shoe_color
 
 

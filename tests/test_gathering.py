@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from avatargen.avatar import load_generator
+from avatargen.avatar import load_single
 from avatargen.body.distance import BodyHit
 from avatargen.generator.gathering import Rows, gathering_of
 from avatargen.generator.planes import lookup_bilinear, plane_table
+from avatargen.shipped import shipped
 from tests.generators import capsule_canonical, capsule_distance, points_near_body, random_generator
 
 PARTS = (((0.0, 0.5, 0.0),), ((0.3, 0.4, 0.0), (-0.3, 0.4, 0.0)), ((0.1, -0.4, 0.0), (-0.1, -0.4, 0.0)))
@@ -72,7 +73,7 @@ def given_shares(rows: Rows, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def test_the_shipped_person_is_the_same_with_and_without():
-    avatar = load_generator().sample(3)
+    avatar = load_single(shipped("generator.safetensors")).sample(3)
     by_torch = replace(avatar, field=replace(avatar.field, gathering=None))
     draw = np.random.default_rng(0)
     vertices = avatar.body.vertices[draw.integers(0, len(avatar.body.vertices), 20_000)]

@@ -33,7 +33,7 @@ def test_person_bends_as_ours_does(tmp_path: Path, weights: str) -> None:
         body = load_body(PRETRAINED / "body.npz")
         save_checkpoint(AvatarGenerator(for_body(DEBUG, canonical_body(body))), path)
     else:
-        path = PRETRAINED / "generator.safetensors"
+        path = PRETRAINED / "people.safetensors"
     avatar = avatargen.load_generator(path).sample(seed=3)
     config = assets.BuildConfig(resolution=160, faces=6000, texture=256)
     asset = assets.build(avatar, config)

@@ -11,7 +11,6 @@ import igl
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 from scipy.spatial import KDTree
 from skimage.color import rgb2lab
 
@@ -19,20 +18,22 @@ from avatargen.avatar import shipped
 from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
 from avatargen.errors import InputError
+from avatargen.wardrobe.appearance import Dye, dyed, rgb_of
 from avatargen.wardrobe.attributes import LATENT_SIZE
+from avatargen.wardrobe.dressed import under_hat
+from avatargen.wardrobe.lips import LIPS_Y, between_lips
 from avatargen.wardrobe.makehuman.choose import FULL_SIZE, draw_latent
-from avatargen.wardrobe.makehuman.dye import dyed
 from avatargen.wardrobe.makehuman.emblems import EMBLEMS, paint_out
-from avatargen.wardrobe.makehuman.face import LIPS_Y, between_lips
 from avatargen.wardrobe.makehuman.fit import at_rest, fit
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_asset, load_folder
 from avatargen.wardrobe.makehuman.pattern import pattern_places, trim_texels, used_texels
-from avatargen.wardrobe.makehuman.person import Wardrobe, under_hat, unit_normals
-from avatargen.wardrobe.makehuman.pool import load_pool
+from avatargen.wardrobe.makehuman.person import ArtistGarment, Wardrobe, unit_normals
+from avatargen.wardrobe.makehuman.pool import make_pool
 from avatargen.wardrobe.makehuman.read import Binding, read_binding, read_mesh
 from avatargen.wardrobe.makehuman.solid import Solid, boundary_loops
 from avatargen.wardrobe.makehuman.strands import CELL, Strands
+from tests.small_wardrobe import AROUND, RINGS, write_tube
 
 REAL = Path(
     os.environ.get("AVATARGEN_WARDROBE")
@@ -41,7 +42,6 @@ REAL = Path(
 real = pytest.mark.skipif(
     not REAL.is_dir(), reason="no folder of MakeHuman's assets; AVATARGEN_WARDROBE names one"
 )
-AROUND, RINGS = 48, 16
 
 
 @pytest.fixture(scope="module")
@@ -56,40 +56,7 @@ def body():
 
 @pytest.fixture(scope="module")
 def tube(hm08, tmp_path_factory) -> Path:
-    """A folder with a tube around the torso, bound to three vertices of the base mesh a vertex."""
-    folder = tmp_path_factory.mktemp("assets")
-    home = folder / "clothes" / "tube"
-    home.mkdir(parents=True)
-    floor, tall = hm08.rest[:, 1].min(), np.ptp(hm08.rest[:, 1])
-    angle = np.arange(AROUND) * 2 * np.pi / AROUND
-    heights = floor + tall * np.linspace(0.52, 0.78, RINGS)
-    points = np.array([[0.26 * np.sin(a), y, 0.02 + 0.22 * np.cos(a)] for y in heights for a in angle])
-    torso = np.flatnonzero(np.abs(hm08.rest[:13380, 0]) < 0.2)
-    lines = []
-    for point in points:
-        near = torso[np.argsort(((hm08.rest[torso] - point) ** 2).sum(axis=1))[:3]]
-        offset = 10 * (point - hm08.rest[near].mean(axis=0))
-        lines.append(
-            " ".join(map(str, near))
-            + " 0.33333333 0.33333333 0.33333334 "
-            + " ".join(f"{n:.7f}" for n in offset)
-        )
-    corners = [
-        [ring * AROUND + i, ring * AROUND + k, (ring + 1) * AROUND + k, (ring + 1) * AROUND + i]
-        for ring in range(RINGS - 1)
-        for i, k in zip(range(AROUND), np.roll(range(AROUND), -1), strict=True)
-    ]
-    obj = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in 10 * points]
-    obj += [f"vt {(k % AROUND) / AROUND:.5f} {(k // AROUND) / (RINGS - 1):.5f}" for k in range(len(points))]
-    obj += ["f " + " ".join(f"{v + 1}/{v + 1}" for v in quad) for quad in corners]
-    (home / "tube.obj").write_text("\n".join(obj))
-    text = "basemesh hm08\nname tube\ntag Female\nobj_file tube.obj\nmaterial tube.mhmat\nz_depth 40\n"
-    text += "verts 0\n" + "\n".join(lines) + "\ndelete_verts\n4000 - 4010 4020\n"
-    (home / "tube.mhclo").write_text(text)
-    (home / "tube.mhmat").write_text("name tube\ndiffuseTexture tube.png\n")
-    shade = np.tile(np.linspace(60, 200, 64, dtype=np.uint8)[:, None, None], (1, 64, 3))
-    Image.fromarray(shade).save(home / "tube.png")
-    return folder
+    return write_tube(tmp_path_factory.mktemp("assets"), hm08)
 
 
 @pytest.fixture(scope="module")
@@ -159,17 +126,17 @@ def test_pattern_places_are_metres(shirt):
     assert 0.5 < np.median(laid / true) < 2
 
 
-def test_a_pool_is_the_solid_s_own_field_and_is_kept(shirt, body, tmp_path):
-    pool = load_pool(shirt, body.distance, 3000, tmp_path)
-    again = load_pool(shirt, body.distance, 3000, tmp_path)
-    assert len(list(tmp_path.iterdir())) == 1
-    for name in ("points", "distance", "color", "face", "barycentric"):
+def test_a_pool_is_the_solid_s_own_field(shirt, body):
+    own = ArtistGarment(solid=Solid(garment=shirt), body=body).own
+    pool, again = (make_pool(shirt, own, body.distance, 3000) for _ in range(2))
+    for name in ("points", "distance", "color", "sewn", "body", "face", "barycentric"):
         assert (getattr(pool, name) == getattr(again, name)).all()
     assert np.array_equal(pool.distance, Solid(garment=shirt).hit(pool.points, reach=1.0).distance)
-    assert 0.3 < (pool.distance < 0).mean() < 0.7 and np.median(np.abs(pool.distance)) < 0.01
+    assert 0.2 < (pool.distance < 0).mean() < 0.8 and np.median(np.abs(pool.distance)) < 0.01
+    assert pool.sewn[:, 0].min() == 0 and (pool.color[:, 3] == 1).all()
     foot = np.einsum("nk,nka->na", pool.barycentric, body.vertices[body.faces[pool.face]])
     way = np.linalg.norm(foot - pool.points, axis=1)
-    assert np.abs(way - np.abs(body.distance.query(pool.points).distance)).max() < 1e-5
+    assert np.abs(way - np.abs(pool.body)).max() < 1e-5
 
 
 def test_strands_fill_down_to_the_head(body):
@@ -212,16 +179,26 @@ def assert_skin_beside_the_cards_is_bare(hair: Strands, body) -> None:
 
 
 def test_dyeing_moves_the_middle_and_keeps_what_differs():
-    rng = np.random.default_rng(1)
-    texture = np.full((32, 32, 4), 255, np.uint8)
-    texture[..., :3] = rng.integers(90, 130, (32, 32, 1))
-    used = np.zeros((32, 32), bool)
-    used[:20] = True
-    lab = rgb2lab(dyed(texture, used, (0.6, 0.2, 0.3))[..., :3])
-    wanted = rgb2lab(np.array([[[0.6, 0.2, 0.3]]]))[0, 0]
-    assert np.abs(np.median(lab[used], axis=0) - wanted).max() < 1.5
-    was = rgb2lab(texture[..., :3])[..., 0][used]
-    assert np.corrcoef(was, lab[..., 0][used])[0, 1] > 0.99
+    own = np.repeat(np.random.default_rng(1).uniform(0.35, 0.5, (400, 1)), 3, axis=1)
+    lightness, a, b = np.median(rgb2lab(own), axis=0)
+    lab = rgb2lab(dyed(own, (lightness, a, b), (0.6, 0.2, 0.3)))
+    wanted = rgb2lab(np.array([[0.6, 0.2, 0.3]]))[0]
+    assert np.abs(np.median(lab, axis=0) - wanted).max() < 0.5
+    assert np.corrcoef(rgb2lab(own)[:, 0], lab[:, 0])[0, 1] > 0.99
+    back = rgb2lab(rgb_of(lab))
+    assert np.abs(back - lab).max() < 0.05  # CIELAB and back
+
+
+def test_prints_lie_on_the_cloth_by_its_metres_and_leave_trim():
+    white = np.ones((600, 4), np.float32) * 0.9
+    white[:, 3] = 0
+    sewn = np.zeros((600, 3))
+    sewn[:, 1] = np.linspace(0, 0.3, 600)
+    dye = Dye(middle=(90.0, 0.0, 0.0), dye=(0.1, 0.1, 0.4), kind="across", ink=(0.8, 0.1, 0.1), width=0.01)
+    plain = Dye(middle=(90.0, 0.0, 0.0), dye=(0.1, 0.1, 0.4), kind="plain", ink=(0.8, 0.1, 0.1), width=0.01)
+    red = dye.color(white, sewn)[:, 1] < 0.5
+    assert np.allclose(plain.color(white, sewn), 0.9)  # no dye takes there
+    assert abs(red.mean() - 1 / 3) < 0.02 and np.count_nonzero(np.diff(red.astype(int)) == 1) == 10
 
 
 def test_pieces_of_another_colour_are_trim_and_keep_it():
@@ -240,8 +217,6 @@ def test_pieces_of_another_colour_are_trim_and_keep_it():
     )  # fmt: skip
     used, trim = used_texels(suit), trim_texels(suit)
     assert trim.any() and trim[:, 52:].sum() == trim.sum() == used[:, 52:].sum()
-    green = dyed(texture, used & ~trim, (0.1, 0.3, 0.1))
-    assert (green[trim] == texture[trim]).all() and (green[10, 10, 1] > green[10, 10, [0, 2]] + 20).all()
 
 
 def test_hair_under_a_hat_stays_inside_it_above_its_opening():
@@ -337,7 +312,7 @@ def test_a_real_person_is_a_whole_field(wardrobe):
     """Of one seed: attributes are the same each time, skin that clothes hide never comes out."""
     person = wardrobe.sample(3)
     assert person.attributes == wardrobe.attributes(3)
-    points = torch.from_numpy(person.body.vertices[person.hidden > 0])
+    points = torch.from_numpy(person.body.vertices[person.field.hidden > 0])
     on_surface = person.sdf(points).abs() < 1e-4  # m; elsewhere it is under cloth, or cut away with air there
     assert float(on_surface.float().mean()) < 0.01
     normals = unit_normals(person.body.vertices, person.body.faces)
@@ -357,9 +332,9 @@ def test_a_suit_keeps_its_shirt_and_tie(wardrobe):
     """However a suit is dyed: the shirt's front and tie are the artist's, half of them nearly white."""
     suit = wardrobe.garments["male_elegantsuit01-top"]
     trim = trim_texels(suit)
-    worn = wardrobe.wear(suit.name, (0.1, 0.4, 0.1), "plain", wardrobe.attributes(0))
+    made = wardrobe.made(suit.name)
     assert 0.02 < trim.sum() / used_texels(suit).sum() < 0.1
-    assert (worn.texture[trim] == suit.texture[trim]).all()
+    assert (made.takes[trim] == 0).all() and (made.takes[made.used & ~trim] == 255).all()
 
 
 @real

@@ -50,6 +50,8 @@ FLOORS = {
         "motion wardrobe",
         "generator",
         "avatar",
+        "layered_avatar",
+        "loading",
         "data",
         "training",
         "metrics",

@@ -6,7 +6,7 @@ import torch
 
 import avatargen
 from assets import BuildConfig, build_content
-from avatargen.avatar import AvatarSampler, shipped
+from avatargen.avatar import AvatarSampler, load_single, shipped
 from avatargen.body.load import load_body
 from avatargen.body.model import pose, shape
 from avatargen.body.pose import named_pose
@@ -18,7 +18,7 @@ BODY = load_body(shipped("body.npz"))
 
 @pytest.fixture(scope="module")
 def sampler() -> AvatarSampler:
-    return avatargen.load_generator()
+    return load_single(shipped("generator.safetensors"))
 
 
 @pytest.fixture(scope="module")

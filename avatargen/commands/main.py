@@ -61,6 +61,11 @@ COMMANDS = (
         function="avatargen.commands.learn.train_warm_start:main",
     ),
     Command(
+        words=("train", "people"),
+        summary="learn dressed people from an artist-made wardrobe; the same command resumes",
+        function="avatargen.commands.learn.train_people:main",
+    ),
+    Command(
         words=("render",),
         summary="draw a seed or a .glb file: pictures, poses, a turntable",
         function="avatargen.commands.look.render:main",
@@ -79,6 +84,11 @@ COMMANDS = (
         words=("eval", "runs"),
         summary="the same metrics over the snapshots of training runs, with a plot",
         function="avatargen.commands.learn.evaluate_runs:main",
+    ),
+    Command(
+        words=("eval", "likeness"),
+        summary="measure a generator's people against the wardrobe's own of the same seeds",
+        function="avatargen.commands.learn.likeness:main",
     ),
     Command(
         words=("eval", "rays"),

@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import avatargen
 from assets.build_config import AvatarFields
-from avatargen.avatar import Avatar, AvatarSampler, shipped
+from avatargen.avatar import Avatar, Sampler, shipped
 from avatargen.body.load import load_body
 from avatargen.body.model import CanonicalBody, canonical_body
 from avatargen.export.request import ExportRequest
@@ -26,7 +26,7 @@ class People(Protocol):
 class ChosenPeople:
     """The generator's people, under the traits that were chosen."""
 
-    sampler: AvatarSampler
+    sampler: Sampler
     traits: Traits
 
     @property

@@ -35,6 +35,10 @@ class PersonField:
     layers: tuple[PartLayers, ...]
     offset: Float[Tensor, "3"]  # metres from a point to where the generator's own body has it
 
+    @property
+    def device(self) -> torch.device:
+        return self.w.device
+
     @torch.inference_mode()
     def sdf(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
         """Signed distance at canonical points, metres."""

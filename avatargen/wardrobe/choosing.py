@@ -2,8 +2,8 @@
 
     Traits(gender="woman", hair="long", bottom="dress", height=1.70)
 
-Only values that the shipped weights show are here. The standard library alone, so that a command can refuse a
-word before torch loads; `condition.py` moves a latent to what was chosen.
+Values that some weights of the package show are here; `SHOWN` are those of the default ones. The standard
+library alone, so that a command can refuse a word before torch loads.
 """
 
 import difflib
@@ -31,6 +31,20 @@ VALUES: dict[str, tuple[str, ...]] = {
     "outer": ("none", "jacket", "coat"),
     "outer_color": ("black", "grey", "brown", "beige", "green", "purple"),
     "shoes": ("sneakers", "boots", "flats", "leather"),
+}
+SHOWN: dict[str, tuple[str, ...]] = {  # by the people that are drawn by default
+    "gender": ("woman", "man"),
+    "age": ("young", "old"),
+    "skin": ("light", "medium", "brown", "dark"),
+    "hair": ("bald", "short", "bob", "long", "ponytail", "afro"),
+    "hair_color": ("black", "brown", "blond", "grey"),
+    "top": ("t-shirt", "shirt"),
+    "top_color": VALUES["top_color"],
+    "bottom": ("trousers", "jeans", "shorts", "skirt"),
+    "bottom_color": VALUES["bottom_color"],
+    "outer": ("none", "jacket"),
+    "outer_color": VALUES["outer_color"],
+    "shoes": ("sneakers", "boots", "leather"),
 }
 HEIGHT = "height"  # the one trait that is a number
 WORN_BY: dict[tuple[str, str | float], str] = {  # what only women or only men have in this wardrobe
@@ -182,16 +196,6 @@ def check_one_sex(traits: Traits) -> None:
                 f"{traits.told(first)} and {traits.told(second)}: {traits.told(only)} is for {sex} alone; "
                 "leave out one of them"
             )
-
-
-def worn_by(name: str) -> str:
-    """Which of a trait's values only women or only men have, in words; empty where everybody has all."""
-    told = []
-    for sex, plural in (("woman", "women"), ("man", "men")):
-        values = [value for value in VALUES[name] if WORN_BY.get((name, value)) == sex]
-        if values:
-            told.append(f"{', '.join(values)}: {plural} alone")
-    return "; ".join(told)
 
 
 def shown(name: str) -> str:

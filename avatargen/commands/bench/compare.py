@@ -9,7 +9,7 @@ from assets.build_config import BuildConfig
 from assets.mesh.measure import surface_error
 from assets.mesh.surface import Surface, find_defects
 from assets.pipeline import build_content
-from avatargen.avatar import Avatar, AvatarSampler
+from avatargen.avatar import Avatar, Sampler
 from avatargen.commands.bench.cost import Cost, measured
 from avatargen.commands.bench.peer import (
     PeerConfig,
@@ -45,7 +45,7 @@ class Comparison:
 
 
 def compare(
-    generator: AvatarSampler, truth: Truth, seed: int, ours: BuildConfig, peer: PeerConfig
+    generator: Sampler, truth: Truth, seed: int, ours: BuildConfig, peer: PeerConfig
 ) -> Iterator[Comparison]:
     """Ours from the seed to the bytes of a GLB, then the peers' recipe: with a library's tree for the body's
     distance, with our own, and cheap.
@@ -70,7 +70,7 @@ def compare(
         yield row(recipe, avatar, truth, result.surface, cost, result.seconds)
 
 
-def build_once(generator: AvatarSampler, seed: int, config: BuildConfig) -> tuple[Cost, dict[str, float]]:
+def build_once(generator: Sampler, seed: int, config: BuildConfig) -> tuple[Cost, dict[str, float]]:
     """What an avatar costs from the seed to the bytes of a GLB, and seconds by stage."""
     with measured() as cost:
         asset = build_content(generator.sample(seed), config)

@@ -12,7 +12,7 @@ from avatargen.errors import InputError
 from avatargen.ranges import require_ranges
 
 if TYPE_CHECKING:
-    from avatargen.avatar import AvatarSampler
+    from avatargen.avatar import Sampler
     from avatargen.commands.bench.compare import Comparison
     from avatargen.commands.bench.recipes import RecipeRow, Refusal
     from avatargen.commands.bench.sweep import MappingRow, RayRow, SurfaceRow, TextureRow
@@ -96,11 +96,12 @@ def run(options: Options) -> None:
     Raises:
         InputError: no seeds, the folder cannot be written, or there is nothing to draw with.
     """
-    import avatargen
     from avatargen.atomic import check_writable, write_together
+    from avatargen.avatar import load_single
     from avatargen.commands.bench import plot
     from avatargen.commands.bench.curves import curves
     from avatargen.extras import require_extra
+    from avatargen.shipped import shipped
 
     if not options.seeds:
         raise InputError("found no seeds to measure; give one or more")
@@ -113,7 +114,7 @@ def run(options: Options) -> None:
     check_writable(options.out / "bench.json")
     grid = QUICK if options.quick else options.grid
     seeds = options.seeds[:1] if options.quick else options.seeds
-    generator = avatargen.load_generator(options.weights)
+    generator = load_single(options.weights or shipped("generator.safetensors"))
     found = measure(generator, seeds, grid)
     facts = {"machine": machine(), "seeds": seeds, "weights_hash": generator.weights_hash}
     data = {name: [asdict(row) for row in rows] for name, rows in vars(found).items()}
@@ -151,7 +152,7 @@ def run_scenes(options: Options) -> None:
     print(options.out / "scenes.md")
 
 
-def measure(generator: "AvatarSampler", seeds: Sequence[int], grid: Grid) -> Results:
+def measure(generator: "Sampler", seeds: Sequence[int], grid: Grid) -> Results:
     """Every sweep on every seed, but the peers' recipe on the first alone; says what is being done."""
     import torch
     from threadpoolctl import threadpool_limits

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from assets.build_config import BuildConfig
 from assets.pipeline import build_content
 from assets.scenes import SCENES
-from avatargen.avatar import AvatarSampler
+from avatargen.avatar import Sampler
 from avatargen.commands.bench.cost import measured
 from avatargen.commands.bench.tables import table
 from exporters import encode
@@ -27,7 +27,7 @@ class SceneRow:
     left_out: tuple[str, ...]
 
 
-def measure_scenes(generator: AvatarSampler, seed: int, names: Sequence[str]) -> Iterator[SceneRow]:
+def measure_scenes(generator: Sampler, seed: int, names: Sequence[str]) -> Iterator[SceneRow]:
     """Every scene in its own format."""
     for name in names:
         scene = SCENES[name]

@@ -24,6 +24,7 @@ from avatargen.avatar import Avatar
 from avatargen.commands.bench.cost import Cost, measured
 from avatargen.commands.bench.poses import posed_error
 from avatargen.commands.bench.truth import Truth, match, normal_errors, texture_psnr
+from avatargen.generator.person_field import PersonField
 from avatargen.generator.renderer import box_interval, composite, stratify
 from exporters.png import encode_png
 
@@ -206,6 +207,7 @@ def picture(avatar: Avatar, steps: int) -> torch.Tensor:
     near, far = box_interval(origin, direction, torch.from_numpy(avatar.bounds))
     samples = stratify(near, far, steps)
     points = (origin[:, None] + samples.depth[..., None] * direction[:, None]).reshape(-1, 3)
+    assert isinstance(avatar.field, PersonField)
     density, distance = avatar.field.generator.density, avatar.sdf(points).view(-1, steps)
     sigma = density(distance)
     dense = torch.nn.functional.max_pool1d(sigma[:, None], 3, stride=1, padding=1)  # also at a neighbour's

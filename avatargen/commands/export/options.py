@@ -25,7 +25,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.seeds import RANDOM, draw_seed, many_seeds, one_seed
 from avatargen.errors import InputError
-from avatargen.wardrobe.choosing import VALUES, shown, worn_by
+from avatargen.wardrobe.choosing import SHOWN, VALUES, shown
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -46,7 +46,7 @@ examples:
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
-  avatar-export --seed 3 --gender woman --hair long --bottom dress --height 1.70m
+  avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
@@ -130,7 +130,9 @@ def add_person_options(group: _ArgumentGroup) -> None:
 def add_trait_options(group: _ArgumentGroup) -> None:
     """What is chosen of the person."""
     for name, values in VALUES.items():
-        group.add_argument(f"--{shown(name)}", choices=values, help=worn_by(name))
+        others = [value for value in values if value not in SHOWN.get(name, ())]
+        told = f"with the procedural people of other weights alone: {', '.join(others)}" if others else ""
+        group.add_argument(f"--{shown(name)}", choices=values, help=told)
     group.add_argument(
         "--height",
         type=quantity("m"),

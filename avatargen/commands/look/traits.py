@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
 from avatargen.errors import InputError
-from avatargen.wardrobe.choosing import HEIGHT, SHORTEST, TALLEST, VALUES, WORN_BY, shown, traits_of
+from avatargen.wardrobe.choosing import HEIGHT, SHORTEST, SHOWN, TALLEST, shown, traits_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -37,7 +37,7 @@ PICTURES = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
 def main(arguments: Sequence[str] | None = None) -> int:
     def command() -> None:
         parser = OneLineParser(PROGRAM, description=DESCRIPTION, examples=EXAMPLES)
-        names = [HEIGHT, *map(shown, VALUES)]
+        names = [HEIGHT, *map(shown, SHOWN)]
         parser.add_argument("--show", choices=names, help="draw one seed with each value of this trait")
         parser.add_argument("--seed", type=whole_number(0, LARGEST_SEED), default=3, help="whom (3)")
         parser.add_argument("--out", type=Path, default=Path("traits.png"), help="the picture (traits.png)")
@@ -51,12 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def lines() -> Iterator[str]:
-    """A line a trait: its name and its values, with who alone wears them."""
-    width = max(len(shown(name)) for name in VALUES)
-    for name, values in VALUES.items():
-        worn = {value: WORN_BY.get((name, value)) for value in values}
-        told = [f"{value} ({sex})" if sex else value for value, sex in worn.items()]
-        yield f"{shown(name):{width}}  {', '.join(told)}"
+    """A line a trait: its name and its values."""
+    width = max(len(shown(name)) for name in SHOWN)
+    for name, values in SHOWN.items():
+        yield f"{shown(name):{width}}  {', '.join(values)}"
         if name == "age":
             yield f"{HEIGHT:{width}}  {SHORTEST:.2f} to {TALLEST:.2f}, in metres"
 
@@ -90,7 +88,7 @@ def sheet(name: str, seed: int) -> "Image":
 
     generator, people = avatargen.load_generator(), []
     view = "face" if name in HEAD else "front"
-    for value in HEIGHTS if name == HEIGHT else VALUES[name]:
+    for value in HEIGHTS if name == HEIGHT else SHOWN[name]:
         avatar = generator.sample(seed, traits=traits_of({name: value}))
         asset = build(avatar, BuildConfig(resolution=256, faces=8_000, texture=512))
         tall = PIXELS if view == "face" else round(PIXELS * float(np.ptp(asset.vertices[:, 1])) / 2)

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from assets import Asset, BuildConfig, build, with_levels
 from assets.asset.levels import at_level, level_error
 from assets.picture.paint import vertex_errors
-from avatargen.avatar import Avatar, AvatarSampler
+from avatargen.avatar import Avatar, Sampler
 
 KEPT = 4  # people: each takes some 100 MB with its planes
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
@@ -59,7 +59,7 @@ class Person:
 class People:
     """Builds people as they are wished for. `settings` give all but the number of faces."""
 
-    def __init__(self, sampler: AvatarSampler, settings: Callable[[int], BuildConfig]) -> None:
+    def __init__(self, sampler: Sampler, settings: Callable[[int], BuildConfig]) -> None:
         self.sampler, self.settings = sampler, settings
         self.kept: OrderedDict[Wish, Person] = OrderedDict()
 

@@ -4,9 +4,10 @@ The first 80 numbers of the latent are those that the procedural wardrobe reads,
 comes after them, from the same generator, so the old ones stay what they are.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import erf
-from typing import TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import torch
@@ -15,7 +16,7 @@ from torch import Tensor
 
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
 from avatargen.wardrobe.colour_names import colour_name
-from avatargen.wardrobe.makehuman.load import FittedGarment
+from avatargen.wardrobe.makehuman.words import garment_word, hair_word
 from avatargen.wardrobe.skin import HAIR_TONES
 
 NEW = (
@@ -45,9 +46,28 @@ NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "
 THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the back
 HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brownlight")
+TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
+WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a person's description
 
 
 T = TypeVar("T")
+
+
+@runtime_checkable
+class Item(Protocol):
+    """What can be chosen: a garment, hair, brows, lashes. `own_color` is its artist's, on the whole, sRGB."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def kind(self) -> str: ...
+
+    @property
+    def tags(self) -> tuple[str, ...]: ...
+
+    @property
+    def own_color(self) -> tuple[float, float, float]: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +76,7 @@ class Attributes:
 
     sex: str  # woman or man
     age: str  # young, middleage or old
+    tone: str  # of the skin: light, medium, brown or dark
     skin: tuple[str, str]  # two photographs
     skin_mix: float  # share of the second
     skin_tint: tuple[float, float, float]  # factors on the skin
@@ -66,26 +87,31 @@ class Attributes:
     hair_colour: tuple[float, float, float]
     garments: tuple[str, ...]  # from the skin outward
     colours: tuple[tuple[float, float, float] | None, ...]  # of each garment; None: as the artist has it
+    kinds: tuple[str, ...]  # of each garment: top, bottom, ...
+    shades: tuple[tuple[float, float, float], ...]  # of each garment: how it looks on the whole
     prints: tuple[str, ...]  # of each garment: plain, across, down or checks
     print_colour: tuple[float, float, float]
     print_width: float  # m
 
     def facts(self) -> dict[str, str | int | float]:
-        """Names and values, as reports and files hold them; colours by name."""
-        worn = (
-            name if colour is None else f"{colour_name(np.array(colour))} {name}"
-            for name, colour in zip(self.garments, self.colours, strict=True)
-        )
+        """Names and values, as reports and files hold them; what is not worn is none."""
         found: dict[str, str | int | float] = {
             "gender": self.sex,
             "age": self.age,
-            "skin": " and ".join(self.skin),
+            "skin": self.tone,
             "eyes": self.eyes,
-            "hair": self.hair or "none",
-            "garments": ", ".join(worn),
+            "hair": hair_word(self.hair),
         }
         if self.hair:
             found["hair_color"] = colour_name(np.array(self.hair_colour))
+        for kind in WORN:
+            place = self.kinds.index(kind) if kind in self.kinds else None
+            found[kind] = "none" if place is None else garment_word(self.garments[place], kind)
+            if place is not None and kind != "shoes":
+                found[f"{kind}_color"] = colour_name(np.array(self.shades[place]))
+        covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall")]
+        found["pattern"] = self.prints[covering[-1]] if covering else "plain"
+        found["garments"] = ", ".join(self.garments)
         return found
 
 
@@ -113,9 +139,11 @@ class Draw:
         """One of the options, all as likely."""
         return options[min(int(self.share(name) * len(options)), len(options) - 1)]
 
-    def colour(self, name: str, low: float = 0.06, high: float = 0.92) -> tuple[float, float, float]:
+    def colour(
+        self, name: str, low: float = 0.06, high: float = 0.92, chroma: float = 0.2
+    ) -> tuple[float, float, float]:
         """A colour of the procedural coding."""
-        r, g, b = self.people.colour(name, low, high, chroma=0.2)[0, 0].tolist()
+        r, g, b = self.people.colour(name, low, high, chroma=chroma)[0, 0].tolist()
         return (r, g, b)
 
 
@@ -139,7 +167,7 @@ def skin_names(names: list[str], age: str, tone: str, sex: str) -> list[str]:
     return names
 
 
-def choose(draw: Draw, garments: dict[str, FittedGarment], skins: list[str], irises: list[str]) -> Attributes:
+def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: list[str]) -> Attributes:
     """The person of a draw, out of what a folder holds."""
     woman = float(draw.people.choice("woman")) > 0.5
     sex, years, depth = ("female" if woman else "male"), draw.share("age"), draw.share("skin_light")
@@ -157,12 +185,14 @@ def choose(draw: Draw, garments: dict[str, FittedGarment], skins: list[str], iri
     tint = (shade * (1 + 0.03 * warm), shade, shade * (1 - 0.07 * warm))
     options = [name for name in (DARK_IRISES if dark > 0.2 else NATURAL_IRISES) if name in irises] or irises
     worn, colours, prints = outfit(draw, garments, woman)
+    shades = [garments[n].own_color if c is None else c for n, c in zip(worn, colours, strict=True)]
     hair = hair_style(draw, garments, woman, dark)
     brows = [g.name for g in garments.values() if g.kind == "brows"]
     lashes = [g.name for g in garments.values() if g.kind == "lashes"]
     return Attributes(
         sex="woman" if woman else "man",
         age=age,
+        tone=next(name for name, end in TONES if depth <= end),
         skin=(str(first), str(second)),
         skin_mix=mixed,
         skin_tint=tint,
@@ -173,13 +203,15 @@ def choose(draw: Draw, garments: dict[str, FittedGarment], skins: list[str], iri
         hair_colour=natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear")),
         garments=tuple(worn),
         colours=tuple(colours),
+        kinds=tuple(garments[name].kind for name in worn),
+        shades=tuple(shades),
         prints=tuple(prints),
         print_colour=draw.colour("second"),
         print_width=0.006 + 0.03 * draw.share("print_scale"),
     )
 
 
-def hair_style(draw: Draw, garments: dict[str, FittedGarment], woman: bool, dark: float) -> str | None:
+def hair_style(draw: Draw, garments: Mapping[str, Item], woman: bool, dark: float) -> str | None:
     """A style for the sex; afro hair on dark skins."""
     if not woman and draw.share("hair_style") > 0.93:
         return None
@@ -190,17 +222,18 @@ def hair_style(draw: Draw, garments: dict[str, FittedGarment], woman: bool, dark
 
 
 def outfit(
-    draw: Draw, garments: dict[str, FittedGarment], woman: bool
+    draw: Draw, garments: Mapping[str, Item], woman: bool
 ) -> tuple[list[str], list[tuple[float, float, float] | None], list[str]]:
     """What is worn from the skin outward, its colours and prints."""
     wanted = "Female" if woman else "Male"
 
-    def of(kind: str) -> tuple[FittedGarment, ...]:
+    def of(kind: str) -> tuple[Item, ...]:
         all_of = [g for g in garments.values() if g.kind == kind]
-        sexed = [g for g in all_of if wanted in g.tags or not {"Male", "Female"} & set(g.tags)]
+        suited = {wanted, "Casual"} if woman else {wanted}  # women wear men's casual clothes, too
+        sexed = [g for g in all_of if suited & set(g.tags) or not {"Male", "Female"} & set(g.tags)]
         return tuple(sorted(sexed or all_of, key=lambda g: g.name))
 
-    worn: list[FittedGarment] = []
+    worn: list[Item] = []
     shoes = draw.one_of("shoes_item", of("shoes")) if of("shoes") else None
     if shoes is not None:
         worn += [g for g in garments.values() if g.kind == "socks" and outfit_of(g) == outfit_of(shoes)]
@@ -225,15 +258,15 @@ def outfit(
     return [g.name for g in worn], colours, prints
 
 
-def outfit_of(garment: FittedGarment) -> str:
+def outfit_of(garment: Item) -> str:
     """The name of the file that a garment comes from."""
     return garment.name.split("-")[0]
 
 
-def garment_colour(draw: Draw, garment: FittedGarment) -> tuple[float, float, float] | None:
+def garment_colour(draw: Draw, garment: Item) -> tuple[float, float, float] | None:
     """The colour that a garment is dyed, None for the artist's own."""
     if "Elegant" in garment.tags and "Male" in garment.tags:  # suits are worn in dark colours
-        return draw.colour("outer", 0.05, 0.35) if draw.share("top_plain") > 0.4 else None
+        return draw.colour("outer", 0.05, 0.35, chroma=0.05) if draw.share("top_plain") > 0.4 else None
     if garment.kind in ("top", "outer"):
         return (
             draw.colour("top" if garment.kind == "top" else "outer")
@@ -243,7 +276,7 @@ def garment_colour(draw: Draw, garment: FittedGarment) -> tuple[float, float, fl
     if garment.kind == "hat":
         return draw.colour("second", 0.05, 0.6) if draw.share("bottom_plain") > 0.5 else None
     if garment.kind in ("bottom", "overall"):
-        return draw.colour("bottom", 0.06, 0.7) if draw.share("bottom_plain") > 0.4 else None
+        return draw.colour("bottom", 0.06, 0.5) if draw.share("bottom_plain") > 0.4 else None
     return None
 
 

@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.mesh.closest import ClosestPoints
+from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment
 from avatargen.wardrobe.makehuman.texture import texels
@@ -29,26 +30,23 @@ SOFT = 5.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours
 BROWN = np.array([0.85, 0.52, 0.30])
 UNDERWEAR = np.array([0.78, 0.77, 0.75])
 LASH = np.array([0.05, 0.035, 0.03])
-LIPS_Y, LIPS_HALF = 0.6508, 0.0255  # m: where they meet, and how far to the corners
-LIPS_GAP = 0.0022  # m by which what is between them is filled: a slit thinner than a mesh's cells is torn
-
-
-def smooth(x: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Smoothstep from 0 at low to 1 at high."""
-    t = np.clip((x - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def between_lips(points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
-    """Metres by which the skin stands out of the body where the lips meet."""
-    x, y, z = points.astype(np.float64).T
-    across = smooth(LIPS_HALF - np.abs(x), 0, 0.01) * smooth(z, 0.10, 0.12)
-    return LIPS_GAP * across * np.exp(-(((y - LIPS_Y) / 0.0045) ** 2))
 
 
 def band(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """1 from low to high (m), 0 beyond, with edges of two millimetres."""
     return smooth(x, low - 0.001, low + 0.001) * (1 - smooth(x, high - 0.001, high + 0.001))
+
+
+def underwear(
+    body: CanonicalBody, foot: Float64[np.ndarray, "N 3"], chest_covered: bool
+) -> Float64[np.ndarray, " N"]:
+    """1 on the parts of the skin that nobody sees."""
+    names, joints = body.joint_names, body.joints
+    hip, shoulder = (float(joints[names.index(name), 1]) for name in ("left_hip", "left_shoulder"))
+    torso = 1 - smooth(np.abs(foot[:, 0]), 0.20, 0.205)
+    briefs = band(foot[:, 1], hip - 0.12, hip + 0.05)
+    top = band(foot[:, 1], shoulder - 0.22, shoulder - 0.09) * float(chest_covered)
+    return torso * np.maximum(briefs, top)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +85,7 @@ class SkinPaint:
         foot = np.einsum("nk,nka->na", hit.barycentric, self.body.vertices[self.body.faces[hit.face]]).astype(
             np.float64
         )
-        colour += (UNDERWEAR - colour) * self.underwear(foot)[:, None]
+        colour += (UNDERWEAR - colour) * underwear(self.body, foot, self.chest_covered)[:, None]
         eye = (self.on_eye[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
         face = np.flatnonzero((foot[:, 1] > self.hm08.eyes[0, 1] - 0.06) & (foot[:, 2] > 0.05))
         colour[face] = self.paint_brows(colour[face], foot[face])
@@ -97,15 +95,6 @@ class SkinPaint:
         colour[seen] = colour[seen] * (1 - share) + white * share
         colour[face] = self.paint_lashes(colour[face], foot[face])
         return colour.clip(0, 1)
-
-    def underwear(self, foot: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
-        """1 on the parts of the skin that nobody sees."""
-        names, joints = self.body.joint_names, self.body.joints
-        hip, shoulder = (float(joints[names.index(name), 1]) for name in ("left_hip", "left_shoulder"))
-        torso = 1 - smooth(np.abs(foot[:, 0]), 0.20, 0.205)
-        briefs = band(foot[:, 1], hip - 0.12, hip + 0.05)
-        top = band(foot[:, 1], shoulder - 0.22, shoulder - 0.09) * float(self.chest_covered)
-        return torso * np.maximum(briefs, top)
 
     def eye_color(self, foot: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
         """Iris, pupil and white of the nearer eye, looking ahead."""

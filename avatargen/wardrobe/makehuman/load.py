@@ -49,6 +49,14 @@ class FittedGarment:
         if len(self.faces) == 0 or not np.isfinite(self.vertices).all():
             raise InputError(f"wardrobe: {self.name} has no faces or is not finite; check its files")
 
+    @property
+    def own_color(self) -> tuple[float, float, float]:
+        """The median of its texture at its faces' middles, sRGB 0..1."""
+        height, width = self.texture.shape[:2]
+        at = (self.uv.mean(axis=1) * (width, height)).astype(np.int64).clip(0, (width - 1, height - 1))
+        r, g, b = (np.median(self.texture[at[:, 1], at[:, 0], :3], axis=0) / 255).tolist()
+        return (r, g, b)
+
 
 def read_texture(path: Path) -> UInt8[np.ndarray, "H W 4"]:
     """A texture, sRGB and alpha.

@@ -59,7 +59,7 @@ def piece_scale(corners: Float64[np.ndarray, "f 3 3"], uv: Float64[np.ndarray, "
     return float(np.sqrt(area / max(flat_area, 1e-12)))
 
 
-def padded(texture: UInt8[np.ndarray, "H W 4"], used: Bool[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W 4"]:
+def padded(texture: UInt8[np.ndarray, "H W C"], used: Bool[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W C"]:
     """The texture with every other texel as the nearest used one, so that no background shows at seams."""
     rows, columns = np.asarray(distance_transform_edt(~used, return_distances=False, return_indices=True))
     return texture[rows, columns]

@@ -1,7 +1,5 @@
-"""A whole person of the artist-made wardrobe, as an avatar: distance and colour at canonical points.
-
-Layers from the skin outward. Each is a closed volume; what lies beneath one stays inside it, except near its
-edges, where a sleeve lets an arm out.
+"""People of the artist-made wardrobe by seed, as avatars: the truth that the generator of dressed people
+learns.
 """
 
 from dataclasses import dataclass
@@ -10,190 +8,167 @@ from pathlib import Path
 
 import igl
 import numpy as np
-import torch
-from jaxtyping import Float, Float32, Float64
-from torch import Tensor
+from jaxtyping import Bool, Float, Float32, Float64
+from skimage.color import rgb2lab
 
 from avatargen import __version__
+from avatargen.avatar import Avatar
 from avatargen.avatar_info import AvatarInfo
+from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
+from avatargen.wardrobe.appearance import Dye, HairDye
+from avatargen.wardrobe.dressed import EDGE_ZONE, Cloth, DressedField, Opening
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
-from avatargen.wardrobe.makehuman.dye import dyed, printed
-from avatargen.wardrobe.makehuman.face import SkinPaint, between_lips
+from avatargen.wardrobe.makehuman.face import SkinPaint
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_folder, read_texture
 from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, trim_texels, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
-from avatargen.wardrobe.makehuman.strands import Strands
+from avatargen.wardrobe.makehuman.strands import BRIDGE, Strands
 from avatargen.wardrobe.makehuman.texture import texels
 from avatargen.wardrobe.stature import Sizing, stature
 
-GAP = 0.003  # m that a layer stays inside the one over it
-EDGE_ZONE = 0.012  # m along the cloth from an edge, where what is beneath may come out
-LOOSE = 0.04  # m that it may come out at the edge itself
-CATCH = 0.025  # m outside a garment that what sticks out is still cut off
-SEAM = 0.0006  # m, softness of the colour's edge between layers
-AHEAD = 0.0015  # m that the layer beneath must come out to be seen: where both lie together, cloth is
+ALONG = 0.6  # cosine between skin and cloth from which cloth runs along the skin
 POKE = 0.015  # m that skin may stick out of cloth that runs along it, to be counted as hidden
-BRIM = 0.008  # m under a hat's opening that hair ends: brims hang lower in front
 MARGIN = 0.04  # m around everything
+COLOURED = 0.03  # m from a garment beyond which it has no colour
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Worn:
-    """A garment as one person has it: dyed and printed."""
+class ArtistGarment:
+    """A garment as its artist made it, on the canonical body."""
 
     solid: Solid
-    texture: np.ndarray
-    print_kind: str
-    ink: tuple[float, float, float]
-    width: float
+    body: CanonicalBody
+
+    @cached_property
+    def texture(self) -> np.ndarray:
+        """With texels beyond the seams."""
+        return padded(self.solid.garment.texture, self.used)
+
+    @cached_property
+    def used(self) -> np.ndarray:
+        return used_texels(self.solid.garment)
+
+    @cached_property
+    def middle(self) -> tuple[float, float, float]:
+        """The median of the colours that a dye takes, CIELAB."""
+        own = self.solid.garment.texture[self.used & ~self.trim][:, :3]
+        lightness, a, b = np.median(rgb2lab(own), axis=0).tolist()
+        return (lightness, a, b)
+
+    def own(self, uv: Float[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N 4"]:
+        """Colour at texture coordinates, and how far a dye takes."""
+        return texels(np.concatenate([self.texture[..., :3], self.takes], axis=2), uv)
+
+    @cached_property
+    def takes(self) -> np.ndarray:
+        """255 where a dye takes, 0 on what keeps its colour."""
+        return padded(np.where(self.trim, 0, 255).astype(np.uint8)[..., None], self.used)
+
+    @cached_property
+    def trim(self) -> np.ndarray:
+        return trim_texels(self.solid.garment)
 
     @cached_property
     def places(self) -> Float64[np.ndarray, "F 3 2"]:
         return pattern_places(self.solid.garment)
 
-    def layer(
-        self, points: Float32[np.ndarray, "N 3"]
-    ) -> tuple[Float32[np.ndarray, " N"], Float32[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-        """Signed distance and way to an edge, m, and colour."""
-        hit, garment = self.solid.hit(points), self.solid.garment
-        colour = np.full((len(points), 3), 0.5)
-        near = np.flatnonzero(hit.distance < 0.03)
-        if len(near):
-            at = hit.barycentric[near]
-            uv = np.einsum("nk,nka->na", at, garment.uv[hit.face[near]])
-            colour[near] = texels(self.texture, uv)[:, :3]
-            if self.print_kind != "plain":
-                place = np.einsum("nk,nka->na", at, self.places[hit.face[near]])
-                colour[near] = printed(colour[near], place, self.print_kind, self.ink, self.width)
-            colour[near] *= np.where(hit.rim[near] > 0, 1.0, 0.75)[:, None]  # inside a hem it is dark
-        return hit.distance, hit.rim, colour
+    @cached_property
+    def hidden(self) -> Bool[np.ndarray, " V"]:
+        """The body's vertices that the garment's files name, and those that lie under or just through cloth
+        that runs along them away from its edges."""
+        garment, body = self.solid.garment, self.body
+        hidden = np.zeros(len(body.vertices), dtype=bool)
+        hidden[garment.hidden] = True
+        hit = self.solid.hit(body.vertices)
+        cloth = unit_normals(garment.vertices, garment.faces)[garment.faces[hit.face, 0]]
+        along = (cloth * unit_normals(body.vertices, body.faces)).sum(axis=1) > ALONG
+        return hidden | ((hit.rim > EDGE_ZONE) & (hit.distance < POKE) & along)
+
+    @cached_property
+    def opening(self) -> Opening | None:
+        """The plane of a hat's longest edge."""
+        if self.solid.garment.kind != "hat":
+            return None
+        at, up = self.solid.opening
+        return Opening(at=at, up=up)
+
+    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        """Metres to the garment's box."""
+        return to_box(points, self.solid.garment.vertices)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DressedPerson:
-    """One person as fields of canonical points, in the form of an `Avatar`."""
+class WornCloth:
+    """An artist's garment as one person has it."""
 
-    attributes: Attributes
-    body: CanonicalBody
-    betas: Float32[np.ndarray, " B"]
-    info: AvatarInfo
-    paint: SkinPaint
-    worn: tuple[Worn, ...]
-    hair: Strands | None
+    garment: ArtistGarment
+    appearance: Dye
 
     @property
-    def seed(self) -> int:
-        return self.info.seed
+    def hidden(self) -> Bool[np.ndarray, " V"]:
+        return self.garment.hidden
 
     @property
-    def bounds(self) -> Float32[np.ndarray, "2 3"]:
-        """A box around everything, m."""
-        clouds = [self.body.vertices, *[worn.solid.garment.vertices for worn in self.worn]]
-        if self.hair is not None:
-            clouds.append(self.hair.garment.vertices)
-        low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0) - MARGIN
-        high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0) + MARGIN
-        return np.stack([low, high]).astype(np.float32)
+    def opening(self) -> Opening | None:
+        return self.garment.opening
 
-    @cached_property
-    def hidden(self) -> Float64[np.ndarray, " W"]:
-        """1 at the body's vertices that garments hide: those that their files name, and what lies under or
-        just through cloth that runs along it away from its edges."""
-        hidden = np.zeros(len(self.body.vertices))
-        normals = unit_normals(self.body.vertices, self.body.faces)
-        for worn in self.worn:
-            garment = worn.solid.garment
-            hidden[garment.hidden] = 1
-            hit = worn.solid.hit(self.body.vertices)
-            cloth = unit_normals(garment.vertices, garment.faces)[garment.faces[hit.face, 0]]
-            along = (cloth * normals).sum(axis=1) > 0.6
-            hidden[(hit.rim > EDGE_ZONE) & (hit.distance < POKE) & along] = 1
-        return hidden
+    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        return self.garment.least(points)
 
-    def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
-        """Signed distance to the clothed surface, m, negative inside."""
-        distance, _ = self.layers(points.cpu().numpy().astype(np.float32), coloured=False)
-        return torch.from_numpy(distance.astype(np.float32))
+    def cloth(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
+        solid = self.garment.solid
+        found = solid.hit(points, reach=1.0)
+        colour = np.full((len(points), 3), 0.5, np.float32)
+        near = np.flatnonzero(found.distance < COLOURED) if coloured else np.zeros(0, np.int64)
+        if len(near):
+            at, face = found.barycentric[near], found.face[near]
+            own = self.garment.own(np.einsum("nk,nka->na", at, solid.garment.uv[face]))
+            place = np.einsum("nk,nka->na", at, self.garment.places[face])
+            sewn = np.column_stack([found.rim[near], place])
+            colour[near] = self.appearance.color(own, sewn)
+        return Cloth(distance=found.distance, rim=found.rim, color=colour)
 
-    def color(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
-        """Colour at points on or near the surface, sRGB in 0..1."""
-        _, colour = self.layers(points.cpu().numpy().astype(np.float32), coloured=True)
-        return torch.from_numpy(colour.clip(0, 1).astype(np.float32))
 
-    def layers(
-        self, points: Float32[np.ndarray, "N 3"], coloured: bool
-    ) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-        """The layers laid over one another."""
-        hit = self.body.distance.query(points)
-        distance = hit.distance - between_lips(points)
-        colour = self.paint.color(points, hit) if coloured else np.zeros((len(points), 3))
-        bare = 1 - (self.hidden[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
-        laid = [worn.layer(points) for worn in self.worn]
-        for outer, rim, _ in laid:
-            distance = kept_inside(distance, outer, np.maximum(bare, near_edges(rim)))
-        for index, (outer, rim_of, dye) in enumerate(laid):
-            inner = outer.astype(np.float64)
-            for over, rim, _ in laid[index + 1 :]:
-                inner = kept_inside(inner, over, near_edges(rim))
-            ahead = np.where(rim_of > 0, AHEAD, 0.0)  # a hem's inside is no cloth
-            distance, colour = laid_over(distance, colour, inner, dye, ahead)
-        if self.hair is not None:
-            outer = self.hair.distance(points).astype(np.float64)
-            for worn, (hat, _, _) in zip(self.worn, laid, strict=True):
-                if worn.solid.garment.kind == "hat":
-                    outer = under_hat(outer, hat, worn.solid.above_opening(points))
-            dye = np.zeros((len(points), 3))
-            near = np.flatnonzero(outer < 0.02)
-            if coloured and len(near):
-                dye[near] = self.strand_colour(points[near])
-            distance, colour = laid_over(distance, colour, outer, dye, np.zeros(1))
-        return distance, colour
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WornHair:
+    """An artist's hair as one person has it."""
 
-    def strand_colour(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
-        """The person's hair colour in the shades of the artist's strands."""
-        assert self.hair is not None
-        shade = (1 + 0.75 * (self.hair.shade(points) - 1)).clip(0.45, 1.7)
-        return np.array(self.attributes.hair_colour) * shade[:, None]
+    strands: Strands
+    appearance: HairDye
+
+    @property
+    def hidden(self) -> Bool[np.ndarray, " V"]:
+        return np.zeros(0, dtype=bool)
+
+    @property
+    def opening(self) -> None:
+        return None
+
+    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        return (to_box(points, self.strands.samples[0]) - BRIDGE).clip(0)
+
+    def cloth(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
+        distance = self.strands.distance(points)
+        colour = np.full((len(points), 3), 0.5, np.float32)
+        near = np.flatnonzero(distance < COLOURED) if coloured else np.zeros(0, np.int64)
+        if len(near):
+            shade = np.repeat(self.strands.shade(points[near])[:, None], 4, axis=1)
+            colour[near] = self.appearance.color(shade, np.zeros((len(near), 3)))
+        return Cloth(distance=distance, rim=np.ones(len(points), np.float32), color=colour)
+
+
+def to_box(points: Float32[np.ndarray, "N 3"], cloud: np.ndarray) -> Float32[np.ndarray, " N"]:
+    """Metres to the box around a cloud of points."""
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    return np.linalg.norm(points - np.clip(points, low, high), axis=1).astype(np.float32)
 
 
 def unit_normals(vertices: np.ndarray, faces: np.ndarray) -> Float64[np.ndarray, "V 3"]:
     """Unit normals of a mesh's vertices."""
     return np.asarray(igl.per_vertex_normals(vertices.astype(np.float64), np.asarray(faces)))
-
-
-def near_edges(rim: np.ndarray) -> np.ndarray:
-    """1 at the edges of a garment, where what is beneath may come out, 0 away from them."""
-    return 1 - np.clip(rim / EDGE_ZONE, 0, 1)
-
-
-def kept_inside(
-    beneath: Float64[np.ndarray, " N"], outer: np.ndarray, free: np.ndarray
-) -> Float64[np.ndarray, " N"]:
-    """What lies beneath a layer, cut off where it would come out of it and is not `free` (1) to."""
-    return np.maximum(beneath, outer + GAP - LOOSE * free - 4 * np.maximum(outer - CATCH, 0))
-
-
-def under_hat(
-    hair: Float64[np.ndarray, " N"], hat: np.ndarray, above: Float64[np.ndarray, " N"]
-) -> Float64[np.ndarray, " N"]:
-    """Hair with a hat over it: what is `above` (m) the hat's opening, or just under it, stays inside."""
-    return np.maximum(hair, np.minimum(hat + GAP, above + BRIM))
-
-
-def laid_over(
-    beneath: Float64[np.ndarray, " N"],
-    colour: Float64[np.ndarray, "N 3"],
-    outer: np.ndarray,
-    dye: Float64[np.ndarray, "N 3"],
-    ahead: np.ndarray,
-) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-    """Union of two layers; the colour is that of the one further out, which the one beneath must be by
-    `ahead` (m)."""
-    seen = 1 / (1 + np.exp(np.clip((outer - beneath - ahead) / SEAM, -30, 30)))
-    return np.minimum(beneath, outer), colour + (dye - colour) * seen[:, None]
 
 
 class Wardrobe:
@@ -219,15 +194,20 @@ class Wardrobe:
         """What the person of a seed is and wears."""
         return choose(Draw(draw_latent(seed)), self.garments, list(self.skins), list(self.irises))
 
-    def sample(self, seed: int) -> DressedPerson:
+    def sample(self, seed: int) -> Avatar:
         """The person of a seed."""
         draw = Draw(draw_latent(seed))
         found = self.attributes(seed)
-        hair = self.garments.get(found.hair or "")
-        return DressedPerson(
-            attributes=found,
+        field = self.dress(found)
+        clouds = [self.body.vertices, *[self.garments[name].vertices for name in found.garments]]
+        if found.hair is not None:
+            clouds.append(self.garments[found.hair].vertices)
+        low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0) - MARGIN
+        high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0) + MARGIN
+        return Avatar(
             body=self.body,
             betas=self.sizing.betas(draw.people)[0].numpy(),
+            bounds=np.stack([low, high]).astype(np.float32),
             info=AvatarInfo(
                 seed=seed,
                 weights_hash="wardrobe",
@@ -236,7 +216,16 @@ class Wardrobe:
                 height_m=float(stature(draw.people)),
                 attributes=found,
             ),
-            paint=SkinPaint(
+            field=field,
+        )
+
+    def dress(self, found: Attributes) -> DressedField:
+        """The field of a person."""
+        hair = self.garments.get(found.hair or "")
+        return DressedField(
+            body=self.body,
+            distance=self.body.distance,
+            skin=SkinPaint(
                 hm08=self.hm08,
                 body=self.body,
                 skin=self.skin(found),
@@ -246,11 +235,17 @@ class Wardrobe:
                 chest_covered=found.sex == "woman",
                 brow_colour=0.55 * np.array(found.hair_colour) + 0.02,
             ),
-            worn=tuple(
+            garments=tuple(
                 self.wear(name, colour, kind, found)
                 for name, colour, kind in zip(found.garments, found.colours, found.prints, strict=True)
             ),
-            hair=Strands(garment=hair, body=self.body.distance) if hair else None,
+            hair=WornHair(
+                strands=Strands(garment=hair, body=self.body.distance),
+                appearance=HairDye(dye=found.hair_colour),
+            )
+            if hair
+            else None,
+            offset=np.zeros(3, np.float32),
         )
 
     def skin(self, found: Attributes) -> np.ndarray:
@@ -264,19 +259,18 @@ class Wardrobe:
         mixed = first[..., :3] * (1 - found.skin_mix) + second[..., :3] * found.skin_mix
         return (mixed * np.array(found.skin_tint)).clip(0, 255).astype(np.uint8)
 
+    def made(self, name: str) -> ArtistGarment:
+        """A garment as its artist made it."""
+        return ArtistGarment(solid=Solid(garment=self.garments[name]), body=self.body)
+
     def wear(
         self, name: str, colour: tuple[float, float, float] | None, kind: str, found: Attributes
-    ) -> Worn:
+    ) -> WornCloth:
         """A garment in one person's colours."""
-        garment = self.garments[name]
-        used = used_texels(garment)
-        own = used & ~trim_texels(garment)
-        texture = garment.texture if colour is None else dyed(garment.texture, own, colour)
-        texture = padded(texture, used)
-        return Worn(
-            solid=Solid(garment=garment),
-            texture=texture,
-            print_kind=kind,
-            ink=found.print_colour,
-            width=found.print_width,
+        garment = self.made(name)
+        return WornCloth(
+            garment=garment,
+            appearance=Dye(
+                middle=garment.middle, dye=colour, kind=kind, ink=found.print_colour, width=found.print_width
+            ),
         )

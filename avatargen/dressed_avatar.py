@@ -1,0 +1,200 @@
+"""Dressed people by seed: a generator of them on a body, which draws avatars.
+
+A seed's latent is read as the artist-made wardrobe reads it, so a seed is the same person here and there.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float32
+
+from avatargen import __version__
+from avatargen.avatar import BOX_MARGIN, Avatar, require_shown, require_truncation, trained_body
+from avatargen.avatar_info import AvatarInfo
+from avatargen.body.distance import BodyDistance
+from avatargen.body.load import load_body
+from avatargen.body.model import Body, CanonicalBody, canonical_body, shape
+from avatargen.generator.config import body_hash
+from avatargen.generator.dressed.checkpoint import load_dressed
+from avatargen.generator.dressed.config import DressedConfig
+from avatargen.generator.dressed.garment import ReadyGarment, WornGarment, ready_garment
+from avatargen.generator.dressed.skin import ReadySkin, ready_skin
+from avatargen.shipped import shipped
+from avatargen.wardrobe.appearance import Dye, HairDye
+from avatargen.wardrobe.choosing import Traits, traits_of
+from avatargen.wardrobe.dressed import DressedField
+from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
+from avatargen.wardrobe.makehuman.condition import condition
+from avatargen.wardrobe.makehuman.hm08 import load_hm08
+from avatargen.wardrobe.makehuman.words import garment_word, hair_word
+from avatargen.wardrobe.stature import Sizing
+
+LOW, HIGH = (-1.05, -1.2, -0.35), (1.05, 1.0, 0.4)  # m; what a person's clothes and hair stay within
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DressedSampler:
+    """A trained generator of dressed people on a body."""
+
+    config: DressedConfig
+    body: CanonicalBody
+    distance: BodyDistance
+    fitted: CanonicalBody  # that it was trained on
+    own_body: bool
+    offset: Float32[np.ndarray, "3"]
+    garments: dict[str, ReadyGarment]
+    skin: ReadySkin
+    bounds: Float32[np.ndarray, "2 3"]
+    sizing: Sizing | None  # statures of the body's shapes; None where these mean other things
+    weights_hash: str
+    licence: str
+
+    @torch.inference_mode()
+    def sample(
+        self,
+        seed: int,
+        truncation: float = 1.0,
+        traits: Traits | Mapping[str, str | float] | None = None,
+    ) -> Avatar:
+        """Draw a person, as `AvatarSampler.sample` does; what a seed says is what the artist-made wardrobe's
+        own person of that seed is and wears.
+
+        Raises:
+            InputError: the seed is no whole number in 0..2^63 - 1, truncation is not in 0..1, or traits are
+            unknown, contradict each other, or are none that this body can show.
+        """
+        require_truncation(truncation)
+        chosen = traits if isinstance(traits, Traits) else traits_of(traits or {})
+        z = draw_latent(seed)
+        if chosen.given():
+            require_shown(chosen, truncation, coded=True, sizing=self.sizing)
+            z = condition(z, chosen, lambda latent: self.choose(Draw(latent)), self.had())
+        draw = Draw(truncation * z)
+        person = self.choose(draw)
+        betas = self.betas(draw, chosen.height)
+        height = float(np.ptp(shape(self.body.source, betas).vertices[:, 1]))
+        return Avatar(
+            body=self.body,
+            betas=betas,
+            bounds=self.bounds,
+            info=AvatarInfo(
+                seed=seed,
+                weights_hash=self.weights_hash,
+                version=__version__,
+                licence=self.licence,
+                height_m=height,
+                attributes=person,
+            ),
+            field=self.dress(person),
+        )
+
+    def had(self) -> dict[str, set[str]]:
+        """Words of what there is to wear, by trait."""
+        words: dict[str, set[str]] = {
+            name: set() for name in ("hair", "top", "bottom", "outer", "shoes", "hat")
+        }
+        for each in self.config.garments:
+            if each.kind == "hair":
+                words["hair"].add(hair_word(each.name))
+            elif each.kind in words:
+                words[each.kind].add(garment_word(each.name, each.kind))
+        words["hair"].add(hair_word(None))
+        return words
+
+    def choose(self, draw: Draw) -> Attributes:
+        """What the person of a draw is and wears."""
+        items = {each.name: each for each in self.config.garments}
+        brows = {name: drawn_item(name, "brows") for name in self.config.skin.brows}
+        lashes = {name: drawn_item(name, "lashes") for name in self.config.skin.lashes}
+        return choose(
+            draw, items | brows | lashes, list(self.config.skin.skins), list(self.config.skin.irises)
+        )
+
+    def dress(self, person: Attributes) -> DressedField:
+        """The field of a person."""
+        worn = [
+            WornGarment(
+                ready=self.garments[name],
+                appearance=Dye(
+                    middle=self.garments[name].config.middle,
+                    dye=colour,
+                    kind=kind,
+                    ink=person.print_colour,
+                    width=person.print_width,
+                ),
+            )
+            for name, colour, kind in zip(person.garments, person.colours, person.prints, strict=True)
+        ]
+        hair = None
+        if person.hair is not None:
+            hair = WornGarment(ready=self.garments[person.hair], appearance=HairDye(dye=person.hair_colour))
+        return DressedField(
+            body=self.fitted,
+            distance=self.distance,
+            skin=self.skin.of(person),
+            garments=tuple(worn),
+            hair=hair,
+            fitted=None if self.own_body else self.fitted.distance,
+            offset=self.offset,
+        )
+
+    def betas(self, draw: Draw, height: float | None) -> Float32[np.ndarray, " b"]:
+        """The body's shape at the stature asked for or the person's own."""
+        if self.sizing is None:
+            return np.zeros(self.body.source.shapedirs.shape[2], np.float32)
+        betas = self.sizing.betas(draw.people)
+        if height is not None:
+            betas = self.sizing.sized(betas, torch.full((1, 1), height))
+        return betas[0].numpy()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnItem:
+    """What is drawn on the face and is no garment."""
+
+    name: str
+    kind: str
+    tags: tuple[str, ...] = ()
+    own_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def drawn_item(name: str, kind: str) -> DrawnItem:
+    return DrawnItem(name=name, kind=kind)
+
+
+def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = None) -> DressedSampler:
+    """Load a generator of dressed people, on its own body or on another, pelvis to pelvis.
+
+    Raises:
+        InputError: a file is missing or damaged, or the weights fit neither this body nor the default one.
+    """
+    checkpoint = load_dressed(weights)
+    generator, config = checkpoint.generator, checkpoint.generator.config
+    source = body if isinstance(body, Body) else load_body(body or shipped("body.npz"))
+    canonical = canonical_body(source)
+    own_body = body_hash(canonical) == config.body_hash
+    trained = canonical if own_body else trained_body(config.body_hash)
+    offset = (trained.joints[0] - canonical.joints[0]).astype(np.float32)
+    reach = generator.inverse_reach.numpy().astype(np.float64)
+    low = np.minimum(np.array(LOW) - offset, canonical.vertices.min(axis=0) - BOX_MARGIN)
+    high = np.maximum(np.array(HIGH) - offset, canonical.vertices.max(axis=0) + BOX_MARGIN)
+    return DressedSampler(
+        config=config,
+        body=canonical,
+        distance=canonical.distance,
+        fitted=trained,
+        own_body=own_body,
+        offset=offset,
+        garments={
+            each.name: ready_garment(generator.garment(each.name), trained.faces, reach, config.cell)
+            for each in config.garments
+        },
+        skin=ready_skin(generator.skin, config.skin, trained, load_hm08()),
+        bounds=np.stack([low, high]).astype(np.float32),
+        sizing=Sizing(source) if own_body else None,
+        weights_hash=checkpoint.weights_hash,
+        licence=checkpoint.notes.get("licence", "unknown"),
+    )

@@ -1,0 +1,230 @@
+"""A person as layers worn one over another: distance and colour at canonical points.
+
+Layers from the skin outward. Each is a closed volume; what lies beneath one stays inside it, except near its
+edges, where a sleeve lets an arm out. A point is asked of the outermost layers first: where one covers what
+is beneath, that is not asked.
+
+Letters: N points, M of them asked, V body vertices. Metres.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float32, Float64
+
+from avatargen.body.distance import BodyDistance, BodyHit
+from avatargen.body.model import CanonicalBody
+from avatargen.wardrobe.lips import between_lips
+
+GAP = 0.003  # m that a layer stays inside the one over it
+EDGE_ZONE = 0.012  # m along the cloth from an edge, where what is beneath may come out
+LOOSE = 0.04  # m that it may come out at the edge itself
+CATCH = 0.025  # m outside a garment that what sticks out is still cut off
+SEAM = 0.0006  # m, softness of the colour's edge between layers
+AHEAD = 0.0015  # m that the layer beneath must come out to be seen: where both lie together, cloth is
+HEM = 0.0005  # m of way to an edge under which a point is on the inside of a hem
+HEM_SHADE = 0.75  # inside a hem it is dark
+ASKED = 0.045  # m; a layer farther than this changes nothing but how far the nearest one is
+SUNK, SUNK_NEAR = 0.0045, 0.0025  # m that hair stays under what it lies on, and up to how far over it
+BRIM = 0.008  # m under a hat's edge that hair ends: brims hang lower in front
+CORE = 0.02  # m under the skin from which the body is solid, whatever is worn: nothing falls apart there
+FAR = 1.0  # m: the distance of what was not asked
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cloth:
+    """A layer at some points: signed distance (m), way along the cloth to its nearest edge (m), sRGB."""
+
+    distance: Float[np.ndarray, " M"]
+    rim: Float[np.ndarray, " M"]
+    color: Float[np.ndarray, "M 3"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opening:
+    """The plane of a hat's edge: a point of it, m, and its unit normal, which points into the hat."""
+
+    at: Float64[np.ndarray, "3"]
+    up: Float64[np.ndarray, "3"]
+
+    def above(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        """Metres that points lie on the hat's side of it."""
+        return (points - self.at) @ self.up
+
+
+@runtime_checkable
+class Layer(Protocol):
+    """One thing worn."""
+
+    @property
+    def opening(self) -> Opening | None:
+        """Of a hat, under which hair stays."""
+        ...
+
+    @property
+    def hidden(self) -> Bool[np.ndarray, " V"]:
+        """The body's vertices that it hides."""
+        ...
+
+    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        """Metres that it is away from each point at least."""
+        ...
+
+    def cloth(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
+        """What it is at points whose closest points on the body are given."""
+        ...
+
+
+@runtime_checkable
+class Skin(Protocol):
+    """The bare body's colours."""
+
+    def color(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float[np.ndarray, "N 3"]: ...
+
+
+def chosen(hit: BodyHit, index: np.ndarray) -> BodyHit:
+    """Some of the points."""
+    return BodyHit(distance=hit.distance[index], face=hit.face[index], barycentric=hit.barycentric[index])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DressedField:
+    """One person's distance and colour. `garments` come from the skin outward, `hair` lies over them.
+
+    Where the body is another than the one that the layers fit, `fitted` is that one's distance and `offset`
+    moves points to it.
+    """
+
+    body: CanonicalBody  # that the layers fit
+    distance: BodyDistance
+    skin: Skin
+    garments: tuple[Layer, ...]
+    hair: Layer | None
+    fitted: BodyDistance | None = None
+    offset: Float32[np.ndarray, "3"]
+
+    @property
+    def device(self) -> torch.device:
+        return torch.device("cpu")
+
+    @cached_property
+    def hidden(self) -> Float32[np.ndarray, " V"]:
+        """1 at the body's vertices that garments hide."""
+        hidden = np.zeros(len(self.body.vertices), dtype=bool)
+        for garment in self.garments:
+            hidden |= garment.hidden
+        return hidden.astype(np.float32)
+
+    def sdf(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        """Signed distance to the clothed surface, m, negative inside."""
+        return self.laid(points, coloured=False)[0].astype(np.float32)
+
+    def color(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, "N 3"]:
+        """Colour at points on or near the surface, sRGB."""
+        return self.laid(points, coloured=True)[1].astype(np.float32)
+
+    def laid(
+        self, points: Float32[np.ndarray, "N 3"], *, coloured: bool
+    ) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
+        """The layers laid over one another."""
+        hit, moved = self.closest(points)
+        open_to_air = np.ones(len(points), dtype=bool)  # what is beneath has to be asked
+        laid: list[Cloth] = []
+        for garment in reversed(self.garments):
+            cloth = asked(garment, moved, hit, open_to_air, coloured=coloured)
+            open_to_air &= ~covers(cloth)
+            laid.insert(0, cloth)
+        bare = 1 - (self.hidden[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
+        naked = open_to_air | (bare > 1e-6)  # a hand before a hip is not hidden by what hides the hip
+        distance = np.where(naked, hit.distance - between_lips(moved), FAR).astype(np.float64)
+        colour = np.full((len(points), 3), 0.5)
+        seen = np.flatnonzero(naked) if coloured else np.zeros(0, np.int64)
+        if len(seen):
+            colour[seen] = self.skin.color(moved[seen], chosen(hit, seen))
+        for outer in laid:
+            distance = kept_inside(distance, outer.distance, np.maximum(bare, near_edges(outer.rim)))
+        for index, layer in enumerate(laid):
+            inner = layer.distance.astype(np.float64)
+            for over in laid[index + 1 :]:
+                inner = kept_inside(inner, over.distance, near_edges(over.rim))
+            ahead = np.where(layer.rim > HEM, AHEAD, 0.0)  # a hem's inside is no cloth
+            shade = np.where(layer.rim > HEM, 1.0, HEM_SHADE)[:, None]
+            distance, colour = laid_over(distance, colour, inner, layer.color * shade, ahead)
+        distance = np.minimum(distance, hit.distance + CORE)
+        if self.hair is not None:
+            hair = asked(self.hair, moved, hit, np.ones(len(points), dtype=bool), coloured=coloured)
+            strands = hair.distance.astype(np.float64)
+            for garment, cloth in zip(self.garments, laid, strict=True):
+                if garment.opening is not None:
+                    strands = under_hat(strands, cloth.distance, garment.opening.above(moved))
+            strands += SUNK * np.exp(-((distance / SUNK_NEAR) ** 2))  # stray hairs are no skin's colour
+            distance, colour = laid_over(distance, colour, strands, hair.color, np.zeros(1))
+        return distance, colour
+
+    def closest(self, points: Float32[np.ndarray, "N 3"]) -> tuple[BodyHit, Float32[np.ndarray, "N 3"]]:
+        """The body at points, and the points where the layers know them."""
+        hit = self.distance.query_in_order(points)
+        if self.fitted is None:
+            return hit, points
+        moved = points + self.offset
+        other = self.fitted.query_in_order(moved)
+        return BodyHit(distance=hit.distance, face=other.face, barycentric=other.barycentric), moved
+
+
+def asked(
+    layer: Layer,
+    points: Float32[np.ndarray, "N 3"],
+    hit: BodyHit,
+    wanted: Bool[np.ndarray, " N"],
+    *,
+    coloured: bool,
+) -> Cloth:
+    """A layer at the points where it is wanted and can be near; elsewhere how far it is at least."""
+    distance = layer.least(points).astype(np.float32)
+    rim, colour = np.zeros(len(points), np.float32), np.full((len(points), 3), 0.5, np.float32)
+    index = np.flatnonzero(wanted & (distance < ASKED))
+    distance[~wanted] = FAR
+    if len(index):
+        found = layer.cloth(points[index], chosen(hit, index), coloured=coloured)
+        distance[index], rim[index], colour[index] = found.distance, found.rim, found.color
+    return Cloth(distance=distance, rim=rim, color=colour)
+
+
+def covers(cloth: Cloth) -> Bool[np.ndarray, " M"]:
+    """Where nothing beneath can be seen."""
+    return (cloth.rim > EDGE_ZONE) & (cloth.distance < CATCH)
+
+
+def near_edges(rim: np.ndarray) -> np.ndarray:
+    """1 at the edges of a garment, where what is beneath may come out, 0 away from them."""
+    return 1 - np.clip(rim / EDGE_ZONE, 0, 1)
+
+
+def kept_inside(
+    beneath: Float64[np.ndarray, " N"], outer: np.ndarray, free: np.ndarray
+) -> Float64[np.ndarray, " N"]:
+    """What lies beneath a layer, cut off where it would come out of it and is not `free` (1) to."""
+    return np.maximum(beneath, outer + GAP - LOOSE * free - 4 * np.maximum(outer - CATCH, 0))
+
+
+def under_hat(
+    hair: Float64[np.ndarray, " N"], hat: np.ndarray, above: np.ndarray
+) -> Float64[np.ndarray, " N"]:
+    """Hair with a hat over it: what is `above` (m) the hat's edge, or just under it, stays inside."""
+    return np.maximum(hair, np.minimum(hat + GAP, above + BRIM))
+
+
+def laid_over(
+    beneath: Float64[np.ndarray, " N"],
+    colour: Float64[np.ndarray, "N 3"],
+    outer: np.ndarray,
+    dye: np.ndarray,
+    ahead: np.ndarray,
+) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
+    """Union of two layers; the colour is that of the one further out, which the one beneath must be by
+    `ahead` (m)."""
+    seen = 1 / (1 + np.exp(np.clip((outer - beneath - ahead) / SEAM, -30, 30)))
+    return np.minimum(beneath, outer), colour + (dye - colour) * seen[:, None]

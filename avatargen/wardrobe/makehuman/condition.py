@@ -1,0 +1,89 @@
+"""Moves a draw to what was chosen, and no further: coordinates that say what was named are drawn again until
+it is so, the rest stays.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from avatargen.errors import InputError
+from avatargen.wardrobe.attributes import LATENT_SIZE, coordinate
+from avatargen.wardrobe.choosing import HEIGHT, Traits, shown
+from avatargen.wardrobe.makehuman.choose import NEW, Attributes
+
+TRIES = 400
+SAYING = (  # coordinates that say what these traits are; drawn again group by group, those before stay
+    (("gender",), ("woman",)),
+    (("age",), ("age",)),
+    (("skin",), ("skin_light",)),
+    (("hair",), ("hair_style",)),
+    (("hair_color",), ("hair_colour", "wear")),
+    (("top", "outer"), ("top_item",)),
+    (("bottom",), ("bottom_item", "top_item")),
+    (("shoes",), ("shoes_item",)),
+    (("hat",), ("hat_a", "hat_b", "hat_c")),
+    (("top_color",), ("top", "top_plain", "print_kind")),
+    (("outer_color",), ("outer", "top_plain")),
+    (("bottom_color",), ("bottom", "bottom_plain")),
+)
+SEED = 17  # of what is drawn again
+
+
+def condition(
+    z: Float[Tensor, "1 Z"],
+    traits: Traits,
+    choose: Callable[[Tensor], Attributes],
+    had: Mapping[str, Collection[str]],
+) -> Float[Tensor, "1 Z"]:
+    """The draw nearest at hand whose person has the traits; height is not the draw's. `had` are the words of
+    what there is to wear.
+
+    Raises:
+        InputError: no person of these garments, hair and skins has them.
+    """
+    wanted = {name: value for name, value in traits.given().items() if name != HEIGHT}
+    known = {name for names, _ in SAYING for name in names}
+    if unknown := [name for name in wanted if name not in known]:
+        raise InputError(f"{traits.told(unknown[0])}: these weights do not say; leave it out")
+    random = torch.Generator().manual_seed(SEED)
+    for name in wanted:
+        if name in had and wanted[name] not in ("none", *had[name]):
+            words = ", ".join(sorted(had[name])) or "none at all"
+            raise InputError(f"{traits.told(name)}: these weights have {words}; choose among them")
+    settled: dict[str, str | float] = {}
+    for names, coordinates in SAYING:
+        of_group = {name: wanted[name] for name in names if name in wanted}
+        if not of_group:
+            continue
+        settled |= of_group
+        places = [place for name in coordinates for place in places_of(name)]
+        z = drawn_until(z, places, settled, choose, random)
+    return z
+
+
+def drawn_until(
+    z: Float[Tensor, "1 Z"],
+    places: list[int],
+    wanted: Mapping[str, str | float],
+    choose: Callable[[Tensor], Attributes],
+    random: torch.Generator,
+) -> Float[Tensor, "1 Z"]:
+    """The draw, or one that differs at these places, whose person is as wanted."""
+    for _ in range(TRIES):
+        facts = choose(z).facts()
+        if all(facts.get(name, "none") == value for name, value in wanted.items()):
+            return z
+        z = z.clone()
+        z[0, places] = torch.randn(len(places), generator=random)
+    names = " and ".join(f"{shown(name)} {value}" for name, value in wanted.items())
+    raise InputError(f"{names}: nobody of these weights is like that; leave something out")
+
+
+def places_of(name: str) -> list[int]:
+    """Where in z a coordinate is; a colour has three."""
+    if name in NEW:
+        return [LATENT_SIZE + NEW.index(name)]
+    first = coordinate(name)
+    return [first, first + 1, first + 2] if name in ("top", "outer", "bottom") else [first]

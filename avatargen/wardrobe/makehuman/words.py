@@ -1,0 +1,54 @@
+"""What MakeHuman's own garments and hair are, in plain words; what is not known is called by its kind."""
+
+GARMENTS = {
+    "female_casualsuit01-top": "t-shirt",
+    "female_casualsuit01-bottom": "jeans",
+    "female_casualsuit02-top": "t-shirt",
+    "female_casualsuit02-bottom": "shorts",
+    "female_elegantsuit01-top": "shirt",
+    "female_elegantsuit01-bottom": "skirt",
+    "female_sportsuit01-top": "t-shirt",
+    "female_sportsuit01-bottom": "trousers",
+    "male_casualsuit02-top": "t-shirt",
+    "male_casualsuit02-bottom": "jeans",
+    "male_casualsuit03-top": "shirt",
+    "male_casualsuit03-bottom": "jeans",
+    "male_casualsuit04-top": "t-shirt",
+    "male_casualsuit04-bottom": "jeans",
+    "male_casualsuit05-outer": "jacket",
+    "male_casualsuit05-top": "shirt",
+    "male_casualsuit05-bottom": "jeans",
+    "male_casualsuit06-top": "t-shirt",
+    "male_casualsuit06-bottom": "jeans",
+    "male_elegantsuit01-top": "suit",
+    "male_elegantsuit01-bottom": "trousers",
+    "male_worksuit01-overall": "overall",
+    "male_worksuit01-top": "t-shirt",
+    "shoes01-shoes": "leather",
+    "shoes02-shoes": "boots",
+    "shoes03-shoes": "leather",
+    "shoes04-shoes": "leather",
+    "shoes05-shoes": "sneakers",
+}
+HAIR = {
+    "afro01": "afro",
+    "bob01": "bob",
+    "bob02": "bob",
+    "braid01": "braid",
+    "long01": "long",
+    "ponytail01": "ponytail",
+    "short01": "short",
+    "short02": "short",
+    "short03": "short",
+    "short04": "short",
+}
+
+
+def garment_word(name: str, kind: str) -> str:
+    """What a garment is called."""
+    return GARMENTS.get(name, kind)
+
+
+def hair_word(name: str | None) -> str:
+    """What hair is called."""
+    return "bald" if name is None else HAIR.get(name, name)
