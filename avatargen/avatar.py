@@ -7,7 +7,7 @@ shape.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -39,6 +39,7 @@ from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.condition import condition
 from avatargen.wardrobe.describe import describe, people_of
 from avatargen.wardrobe.dressed import DressedField
+from avatargen.wardrobe.faces import BUILDS
 from avatargen.wardrobe.stature import MEAN_PERSON, Sizing, stature
 
 LARGEST_SEED = 2**63 - 1
@@ -326,12 +327,16 @@ def require_exportable(config: GeneratorConfig) -> None:
 
 
 def training_body(path: Path | None = None) -> Body:
-    """The body of a file; or the default one as its data sets have it: on SMPL's 24 joints, without fingers.
+    """The body of a file; or the default one as its data sets have it: on SMPL's 24 joints, without fingers,
+    and with ten directions of shape, which leave faces alone.
 
     Raises:
         InputError: the file is missing or damaged.
     """
-    return load_body(path) if path else without_fingers(load_body(shipped("body.npz")))
+    if path:
+        return load_body(path)
+    body = without_fingers(load_body(shipped("body.npz")))
+    return replace(body, shapedirs=body.shapedirs[..., :BUILDS])
 
 
 def trained_body(wanted: str) -> CanonicalBody:

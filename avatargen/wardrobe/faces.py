@@ -13,6 +13,7 @@ from torch import Tensor
 
 from avatargen.wardrobe.attributes import People
 
+BUILDS = 10  # directions of the default body that come before those of faces
 FACE_SHAPES = (
     "woman",  # -1 man, 1 woman
     "old",  # -1 young, 1 old

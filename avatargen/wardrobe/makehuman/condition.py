@@ -13,20 +13,22 @@ from avatargen.wardrobe.attributes import LATENT_SIZE, coordinate
 from avatargen.wardrobe.choosing import HEIGHT, Traits, shown
 from avatargen.wardrobe.makehuman.choose import NEW, Attributes
 
-TRIES = 400
-SAYING = (  # coordinates that say what these traits are; drawn again group by group, those before stay
-    (("gender",), ("woman",)),
-    (("age",), ("age",)),
-    (("skin",), ("skin_light",)),
-    (("hair",), ("hair_style",)),
-    (("hair_color",), ("hair_colour", "wear")),
-    (("top", "outer"), ("top_item",)),
-    (("bottom",), ("bottom_item", "top_item")),
-    (("shoes",), ("shoes_item",)),
-    (("hat",), ("hat_a", "hat_b", "hat_c")),
-    (("top_color",), ("top", "top_plain", "print_kind")),
-    (("outer_color",), ("outer", "top_plain")),
-    (("bottom_color",), ("bottom", "bottom_plain")),
+TRIES = 300
+# Traits, the coordinates that say what they are, and those that are drawn again with them where these alone
+# do not help: what only women or only men wear decides the sex. Those before stay as wished.
+SAYING = (
+    (("gender",), ("woman",), ()),
+    (("age",), ("age",), ()),
+    (("skin",), ("skin_light",), ()),
+    (("hair",), ("hair_style",), ("woman", "skin_light")),
+    (("hair_color",), ("hair_colour", "wear"), ("age", "skin_light", "hair_style")),
+    (("top", "outer"), ("top_item",), ("woman",)),
+    (("bottom",), ("bottom_item", "top_item"), ("woman",)),
+    (("shoes",), ("shoes_item",), ("woman",)),
+    (("hat",), ("spare", "spare_too"), ()),
+    (("top_color",), ("top", "top_plain", "print_kind"), ("top_item",)),
+    (("outer_color",), ("outer", "top_plain"), ("top_item",)),
+    (("bottom_color",), ("bottom", "bottom_plain"), ("bottom_item", "top_item")),
 )
 SEED = 17  # of what is drawn again
 
@@ -44,7 +46,7 @@ def condition(
         InputError: no person of these garments, hair and skins has them.
     """
     wanted = {name: value for name, value in traits.given().items() if name != HEIGHT}
-    known = {name for names, _ in SAYING for name in names}
+    known = {name for names, _, _ in SAYING for name in names}
     if unknown := [name for name in wanted if name not in known]:
         raise InputError(f"{traits.told(unknown[0])}: these weights do not say; leave it out")
     random = torch.Generator().manual_seed(SEED)
@@ -53,32 +55,37 @@ def condition(
             words = ", ".join(sorted(had[name])) or "none at all"
             raise InputError(f"{traits.told(name)}: these weights have {words}; choose among them")
     settled: dict[str, str | float] = {}
-    for names, coordinates in SAYING:
+    for names, own, wider in SAYING:
         of_group = {name: wanted[name] for name in names if name in wanted}
         if not of_group:
             continue
         settled |= of_group
-        places = [place for name in coordinates for place in places_of(name)]
-        z = drawn_until(z, places, settled, choose, random)
+        found = drawn_until(z, own, settled, choose, random)
+        if found is None:
+            found = drawn_until(z, own + wider, settled, choose, random)
+        if found is None:
+            told = " and ".join(f"{shown(name)} {value}" for name, value in settled.items())
+            raise InputError(f"{told}: nobody of these weights is like that; leave something out")
+        z = found
     return z
 
 
 def drawn_until(
     z: Float[Tensor, "1 Z"],
-    places: list[int],
+    coordinates: tuple[str, ...],
     wanted: Mapping[str, str | float],
     choose: Callable[[Tensor], Attributes],
     random: torch.Generator,
-) -> Float[Tensor, "1 Z"]:
-    """The draw, or one that differs at these places, whose person is as wanted."""
+) -> Float[Tensor, "1 Z"] | None:
+    """The draw, or one that differs at these coordinates, whose person is as wanted."""
+    places = [place for name in coordinates for place in places_of(name)]
     for _ in range(TRIES):
         facts = choose(z).facts()
         if all(facts.get(name, "none") == value for name, value in wanted.items()):
             return z
         z = z.clone()
         z[0, places] = torch.randn(len(places), generator=random)
-    names = " and ".join(f"{shown(name)} {value}" for name, value in wanted.items())
-    raise InputError(f"{names}: nobody of these weights is like that; leave something out")
+    return None
 
 
 def places_of(name: str) -> list[int]:

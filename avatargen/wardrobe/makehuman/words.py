@@ -34,7 +34,7 @@ HAIR = {
     "afro01": "afro",
     "bob01": "bob",
     "bob02": "bob",
-    "braid01": "braid",
+    "braid01": "long",
     "long01": "long",
     "ponytail01": "ponytail",
     "short01": "short",
