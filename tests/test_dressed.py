@@ -11,6 +11,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from avatargen import load_generator
+from avatargen.artist_wardrobe import ArtistWardrobe
 from avatargen.avatar import shipped
 from avatargen.body.distance import BodyHit
 from avatargen.body.load import load_body
@@ -31,7 +32,6 @@ from avatargen.wardrobe.choosing import SHOWN
 from avatargen.wardrobe.dressed import FAR, asked
 from avatargen.wardrobe.makehuman.choose import THIN, Draw, draw_latent
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
-from avatargen.wardrobe.makehuman.person import Wardrobe
 from tests.small_wardrobe import write_skins, write_tube
 
 CONFIG = PeopleConfig(
@@ -46,9 +46,9 @@ def body():
 
 
 @pytest.fixture(scope="module")
-def wardrobe(body, tmp_path_factory) -> Wardrobe:
+def wardrobe(body, tmp_path_factory) -> ArtistWardrobe:
     folder = tmp_path_factory.mktemp("wardrobe")
-    return Wardrobe(write_skins(write_tube(folder, load_hm08())), body)
+    return ArtistWardrobe(write_skins(write_tube(folder, load_hm08())), body)
 
 
 @pytest.fixture(scope="module")

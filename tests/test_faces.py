@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+import avatargen
 from avatargen.avatar import load_single, shipped
 from avatargen.body.load import load_body
 from avatargen.body.model import shape

@@ -50,7 +50,7 @@ FLOORS = {
         "motion wardrobe",
         "generator",
         "avatar",
-        "layered_avatar",
+        "artist_wardrobe dressed_avatar",
         "loading",
         "data",
         "training",

@@ -51,6 +51,6 @@ def open_people(request: ExportRequest) -> People:
         from avatargen.wardrobe.procedural import ProceduralWardrobe
 
         return ProceduralWardrobe(body)
-    from avatargen.wardrobe.makehuman.person import Wardrobe
+    from avatargen.artist_wardrobe import ArtistWardrobe
 
-    return Wardrobe(request.wardrobe, body)
+    return ArtistWardrobe(request.wardrobe, body)

@@ -11,7 +11,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
-from skimage.color import lab2rgb, rgb2lab
+
+from avatargen.wardrobe.colour_names import lab
 
 TRIM = 0.7  # of an artist's contrast of hue that stays
 INK = 0.9  # how much of the cloth's colour a print covers
@@ -52,7 +53,7 @@ class Dye:
             colour = colour + (dyed(colour, self.middle, self.dye) - colour) * takes
         if self.kind == "plain":
             return colour
-        usual = lab2rgb(np.array(self.middle)[None])[0] if self.dye is None else np.array(self.dye)
+        usual = rgb_of(np.array(self.middle)[None])[0] if self.dye is None else np.array(self.dye)
         return printed(colour, sewn[:, 1:], self.kind, self.ink, self.width, float(usual.mean()))
 
 
@@ -70,17 +71,17 @@ class HairDye:
 
 def dyed(own: Float[np.ndarray, "N 3"], middle: tuple[float, float, float], dye: Rgb) -> np.ndarray:
     """Colours whose median `middle` (CIELAB) was, with `dye` in its place."""
-    wanted = rgb2lab(np.array(dye)[None])[0]
+    wanted = lab(np.array(dye)[None])[0]
     # dark cloth shows less of its folds, light cloth no more than white allows
     contrast = np.clip(0.35 + wanted[0] / max(middle[0], 25.0), 0.4, 1.2)
-    new = wanted + (rgb2lab(np.asarray(own, dtype=np.float64).clip(0, 1)) - middle) * (contrast, TRIM, TRIM)
+    new = wanted + (lab(np.asarray(own, dtype=np.float64).clip(0, 1)) - middle) * (contrast, TRIM, TRIM)
     return rgb_of(new)
 
 
-def rgb_of(lab: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
+def rgb_of(values: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
     """sRGB of CIELAB (D65), clipped to what sRGB has."""
-    y = (lab[:, :1] + 16) / 116
-    xyz = np.concatenate([y + lab[:, 1:2] / 500, y, y - lab[:, 2:3] / 200], axis=1)
+    y = (values[:, :1] + 16) / 116
+    xyz = np.concatenate([y + values[:, 1:2] / 500, y, y - values[:, 2:3] / 200], axis=1)
     xyz = np.where(xyz > 6 / 29, xyz**3, (xyz - 16 / 116) / 7.787) * (0.95047, 1.0, 1.08883)
     linear = (xyz @ FROM_XYZ.T).clip(0, 1)
     return np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, 12.92 * linear)

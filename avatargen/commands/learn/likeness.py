@@ -68,11 +68,11 @@ def check(options: Options) -> None:
 def run(options: Options) -> None:
     """Measure person by person, print, write."""
     from avatargen import load_generator
+    from avatargen.artist_wardrobe import ArtistWardrobe
     from avatargen.atomic import check_writable, write_together
     from avatargen.metrics.likeness import field_likeness
     from avatargen.shipped import shipped
     from avatargen.training.pool import make_pool
-    from avatargen.wardrobe.makehuman.person import Wardrobe
     from avatargen.wardrobe.procedural import ProceduralWardrobe
     from exporters.png import encode_png
 
@@ -83,7 +83,7 @@ def run(options: Options) -> None:
     wardrobe = (
         ProceduralWardrobe(sampler.body)
         if options.wardrobe is None
-        else Wardrobe(options.wardrobe, sampler.body)
+        else ArtistWardrobe(options.wardrobe, sampler.body)
     )
     points = make_pool(sampler.body, options.points, POOL_SEED).p
     people: list[tuple[FieldLikeness, list[PictureLikeness]]] = []

@@ -13,8 +13,9 @@ from avatargen.body.model import CanonicalBody
 from avatargen.generator.dressed.config import SkinConfig
 from avatargen.generator.dressed.generator import LearnedSkin
 from avatargen.generator.dressed.tables import Surface, Table
+from avatargen.wardrobe.bare import LASH, UNDERWEAR, underwear
+from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.makehuman.choose import Attributes
-from avatargen.wardrobe.makehuman.face import LASH, UNDERWEAR, smooth, underwear
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.texture import texels
 

@@ -15,7 +15,8 @@ from avatargen.body.model import CanonicalBody
 from avatargen.generator.dressed.config import SkinConfig, TableConfig
 from avatargen.generator.dressed.lattice import Lattice, lattice
 from avatargen.training.dressed.painting import fitted
-from avatargen.wardrobe.makehuman.face import LASH, SkinPaint
+from avatargen.wardrobe.bare import LASH
+from avatargen.wardrobe.makehuman.face import SkinPaint
 from avatargen.wardrobe.makehuman.load import read_texture
 from avatargen.wardrobe.makehuman.person import Wardrobe
 from avatargen.wardrobe.makehuman.texture import texels

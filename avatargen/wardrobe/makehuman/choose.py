@@ -16,7 +16,7 @@ from torch import Tensor
 
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
 from avatargen.wardrobe.colour_names import colour_name
-from avatargen.wardrobe.makehuman.words import garment_word, hair_word
+from avatargen.wardrobe.makehuman.words import garment_word, hair_color_word, hair_word
 from avatargen.wardrobe.skin import HAIR_TONES
 
 NEW = (
@@ -103,7 +103,7 @@ class Attributes:
             "hair": hair_word(self.hair),
         }
         if self.hair:
-            found["hair_color"] = colour_name(np.array(self.hair_colour))
+            found["hair_color"] = hair_color_word(self.hair_colour)
         for kind in WORN:
             place = self.kinds.index(kind) if kind in self.kinds else None
             found[kind] = "none" if place is None else garment_word(self.garments[place], kind)

@@ -30,6 +30,7 @@ SAYING = (
     (("outer_color",), ("outer", "top_plain"), ("top_item",)),
     (("bottom_color",), ("bottom", "bottom_plain"), ("bottom_item", "top_item")),
 )
+SOMETHING = "something"  # is worn, whatever it is
 SEED = 17  # of what is drawn again
 
 
@@ -54,6 +55,8 @@ def condition(
         if name in had and wanted[name] not in ("none", *had[name]):
             words = ", ".join(sorted(had[name])) or "none at all"
             raise InputError(f"{traits.told(name)}: these weights have {words}; choose among them")
+    worn = {name.removesuffix("_color") for name in wanted if name.endswith("_color")} - {"hair"}
+    wanted = dict.fromkeys(worn, SOMETHING) | wanted
     settled: dict[str, str | float] = {}
     for names, own, wider in SAYING:
         of_group = {name: wanted[name] for name in names if name in wanted}
@@ -81,11 +84,15 @@ def drawn_until(
     places = [place for name in coordinates for place in places_of(name)]
     for _ in range(TRIES):
         facts = choose(z).facts()
-        if all(facts.get(name, "none") == value for name, value in wanted.items()):
+        if all(is_as_wanted(facts.get(name, "none"), value) for name, value in wanted.items()):
             return z
         z = z.clone()
         z[0, places] = torch.randn(len(places), generator=random)
     return None
+
+
+def is_as_wanted(found: str | float, wanted: str | float) -> bool:
+    return found != "none" if wanted == SOMETHING else found == wanted
 
 
 def places_of(name: str) -> list[int]:

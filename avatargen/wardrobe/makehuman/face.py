@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.mesh.closest import ClosestPoints
+from avatargen.wardrobe.bare import LASH, UNDERWEAR, underwear
 from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment
@@ -28,25 +29,6 @@ LASH_REACH = 0.0016
 LASH_SHARE = 0.5
 SOFT = 5.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours are wider than a hair
 BROWN = np.array([0.85, 0.52, 0.30])
-UNDERWEAR = np.array([0.78, 0.77, 0.75])
-LASH = np.array([0.05, 0.035, 0.03])
-
-
-def band(x: np.ndarray, low: float, high: float) -> np.ndarray:
-    """1 from low to high (m), 0 beyond, with edges of two millimetres."""
-    return smooth(x, low - 0.001, low + 0.001) * (1 - smooth(x, high - 0.001, high + 0.001))
-
-
-def underwear(
-    body: CanonicalBody, foot: Float64[np.ndarray, "N 3"], chest_covered: bool
-) -> Float64[np.ndarray, " N"]:
-    """1 on the parts of the skin that nobody sees."""
-    names, joints = body.joint_names, body.joints
-    hip, shoulder = (float(joints[names.index(name), 1]) for name in ("left_hip", "left_shoulder"))
-    torso = 1 - smooth(np.abs(foot[:, 0]), 0.20, 0.205)
-    briefs = band(foot[:, 1], hip - 0.12, hip + 0.05)
-    top = band(foot[:, 1], shoulder - 0.22, shoulder - 0.09) * float(chest_covered)
-    return torso * np.maximum(briefs, top)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

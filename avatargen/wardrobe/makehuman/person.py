@@ -1,6 +1,4 @@
-"""People of the artist-made wardrobe by seed, as avatars: the truth that the generator of dressed people
-learns.
-"""
+"""People of the artist-made wardrobe: the truth that the generator of dressed people learns."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,15 +7,12 @@ from pathlib import Path
 import igl
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
-from skimage.color import rgb2lab
 
-from avatargen import __version__
-from avatargen.avatar import Avatar
-from avatargen.avatar_info import AvatarInfo
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 from avatargen.wardrobe.appearance import Dye, HairDye
+from avatargen.wardrobe.colour_names import lab
 from avatargen.wardrobe.dressed import EDGE_ZONE, Cloth, DressedField, Opening
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
 from avatargen.wardrobe.makehuman.face import SkinPaint
@@ -27,7 +22,7 @@ from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, trim_te
 from avatargen.wardrobe.makehuman.solid import Solid
 from avatargen.wardrobe.makehuman.strands import BRIDGE, Strands
 from avatargen.wardrobe.makehuman.texture import texels
-from avatargen.wardrobe.stature import Sizing, stature
+from avatargen.wardrobe.stature import Sizing
 
 ALONG = 0.6  # cosine between skin and cloth from which cloth runs along the skin
 POKE = 0.015  # m that skin may stick out of cloth that runs along it, to be counted as hidden
@@ -55,7 +50,7 @@ class ArtistGarment:
     def middle(self) -> tuple[float, float, float]:
         """The median of the colours that a dye takes, CIELAB."""
         own = self.solid.garment.texture[self.used & ~self.trim][:, :3]
-        lightness, a, b = np.median(rgb2lab(own), axis=0).tolist()
+        lightness, a, b = np.median(lab(own / 255), axis=0).tolist()
         return (lightness, a, b)
 
     def own(self, uv: Float[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N 4"]:
@@ -194,30 +189,14 @@ class Wardrobe:
         """What the person of a seed is and wears."""
         return choose(Draw(draw_latent(seed)), self.garments, list(self.skins), list(self.irises))
 
-    def sample(self, seed: int) -> Avatar:
-        """The person of a seed."""
-        draw = Draw(draw_latent(seed))
-        found = self.attributes(seed)
-        field = self.dress(found)
+    def bounds(self, found: Attributes) -> Float32[np.ndarray, "2 3"]:
+        """A box around a person, m."""
         clouds = [self.body.vertices, *[self.garments[name].vertices for name in found.garments]]
         if found.hair is not None:
             clouds.append(self.garments[found.hair].vertices)
         low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0) - MARGIN
         high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0) + MARGIN
-        return Avatar(
-            body=self.body,
-            betas=self.sizing.betas(draw.people)[0].numpy(),
-            bounds=np.stack([low, high]).astype(np.float32),
-            info=AvatarInfo(
-                seed=seed,
-                weights_hash="wardrobe",
-                version=__version__,
-                licence="CC0-1.0 (MakeHuman assets)",
-                height_m=float(stature(draw.people)),
-                attributes=found,
-            ),
-            field=field,
-        )
+        return np.stack([low, high]).astype(np.float32)
 
     def dress(self, found: Attributes) -> DressedField:
         """The field of a person."""

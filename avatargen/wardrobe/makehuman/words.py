@@ -1,5 +1,9 @@
 """What MakeHuman's own garments and hair are, in plain words; what is not known is called by its kind."""
 
+import numpy as np
+
+from avatargen.wardrobe.colour_names import lab
+
 GARMENTS = {
     "female_casualsuit01-top": "t-shirt",
     "female_casualsuit01-bottom": "jeans",
@@ -52,3 +56,15 @@ def garment_word(name: str, kind: str) -> str:
 def hair_word(name: str | None) -> str:
     """What hair is called."""
     return "bald" if name is None else HAIR.get(name, name)
+
+
+def hair_color_word(rgb: tuple[float, float, float]) -> str:
+    """What a colour of hair is called: by its lightness, chroma and hue in CIELAB."""
+    lightness, a, b = lab(np.array(rgb)[None])[0]
+    if lightness > 30 and np.hypot(a, b) < 10:
+        return "grey"
+    if lightness < 13:
+        return "black"
+    if lightness > 40 and b > 1.3 * a:
+        return "blond"
+    return "red" if a > 14 and lightness > 25 else "brown"
