@@ -1,7 +1,6 @@
 """What README and the guides show holds: Python runs, commands are accepted, links lead on, pages load."""
 
 import os
-import pickle
 import re
 import shlex
 import threading
@@ -13,12 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from avatargen.avatar import shipped
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.pose import load_pose
-from avatargen.commands.export.avatar_export import main as avatar_export
 from avatargen.commands.export.options import parse
-from avatargen.commands.main import main
 from avatargen.motion.amass import load_motion
 from exporters import export
 from tests import browser
@@ -76,57 +72,6 @@ def test_commands_are_accepted(words: list[str], tmp_path: Path, monkeypatch: py
             Path(word).parent.mkdir(parents=True, exist_ok=True)
             Path(word).touch()
     parse(words)
-
-
-SMALLER = {
-    "0:1000": "0:1",
-    "0:50": "0:1",
-    "4": "1",
-    "40000,20000,5000,1000": "2000,500",
-    "front,back,face": "front",
-}
-# What a line gets so that it takes seconds; an option that is there already keeps the last.
-SMALL = {
-    "avatar-export": ["--resolution", "96", "--texture", "64"],
-    "avatargen data synth": ["--people", "1", "--views", "1", "--workers", "1", "--cell", "30"],
-    "avatargen render": ["--height", "64", "--frames", "2", "--fps", "2"],
-    "avatargen train": ["--dry-run"],
-}
-ELSEWHERE = ("--ray", "avatargen view", "--show")  # a cluster; test_view.py; six people are drawn
-
-
-def lines_to_run(page: Path) -> list[str]:
-    """What a page lets one type, in its order."""
-    text = page.read_text()
-    found = [
-        line for block in re.findall(r"^```\n(.*?)^```$|`([^`\n]+)`", text, re.M | re.S) for line in block
-    ]
-    lines = [line.split(" #")[0].strip() for block in found for line in block.splitlines()]
-    starts = (*(f"{start} " for start in SMALL), "avatargen body convert ", "avatargen traits")
-    return [line for line in lines if line.startswith(starts) and not any(e in line for e in ELSEWHERE)]
-
-
-@pytest.mark.parametrize(
-    "name", ["exporting", "choosing", "blender", "web", "many", "own_data", "ar", "unity"]
-)
-def test_commands_run_in_an_empty_folder(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One after the other; of what is the reader's own there is an SMPL file."""
-    page = GUIDES / f"{name}.md"
-    monkeypatch.chdir(tmp_path)
-    if name == "own_data":
-        run_python(page)
-        with np.load(shipped("body.npz")) as body:
-            Path("SMPL_NEUTRAL.pkl").write_bytes(pickle.dumps(dict(body)))
-    lines = lines_to_run(page)
-    assert lines
-    for line in lines:
-        extra = next((more for start, more in SMALL.items() if line.startswith(start)), [])
-        words = [SMALLER.get(word, word) for word in shlex.split(line)] + extra
-        command = main if words[0] == "avatargen" else avatar_export
-        status = command(words[1:])
-        assert status == 0, f"{line}\n{capsys.readouterr().err}"
 
 
 def test_links_lead_somewhere() -> None:
