@@ -234,14 +234,19 @@ class AvatarSampler:
         return betas[0]
 
 
+def require_seed(seed: int) -> None:
+    """Raise InputError for a seed that is no whole number from 0 to 2^63 - 1."""
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
+        raise InputError(f"seed: {seed!r} is none; a seed is a whole number from 0 to 2^63 - 1")
+
+
 def latent_of(seed: int, size: int) -> Float[Tensor, "1 Z"]:
     """A seed's latent, drawn on the CPU: the same on any machine.
 
     Raises:
         InputError: the seed is no whole number from 0 to 2^63 - 1.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
-        raise InputError(f"seed: {seed!r} is none; a seed is a whole number from 0 to 2^63 - 1")
+    require_seed(seed)
     return torch.randn(1, size, generator=torch.Generator().manual_seed(seed))
 
 

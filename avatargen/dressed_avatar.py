@@ -3,8 +3,9 @@
 A seed's latent is read as the artist-made wardrobe reads it, so a seed is the same person here and there.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,14 @@ import torch
 from jaxtyping import Float32
 
 from avatargen import __version__
-from avatargen.avatar import BOX_MARGIN, Avatar, require_shown, require_truncation, trained_body
+from avatargen.avatar import (
+    BOX_MARGIN,
+    Avatar,
+    require_seed,
+    require_shown,
+    require_truncation,
+    trained_body,
+)
 from avatargen.avatar_info import AvatarInfo
 from avatargen.body.distance import BodyDistance
 from avatargen.body.load import load_body
@@ -26,7 +34,7 @@ from avatargen.shipped import shipped
 from avatargen.wardrobe.appearance import Dye, HairDye
 from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.dressed import DressedField
-from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
+from avatargen.wardrobe.makehuman.choose import Attributes, Draw, Item, choose, draw_latent
 from avatargen.wardrobe.makehuman.condition import condition
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.words import garment_word, hair_word
@@ -45,7 +53,7 @@ class DressedSampler:
     fitted: CanonicalBody  # that it was trained on
     own_body: bool
     offset: Float32[np.ndarray, "3"]
-    garments: dict[str, ReadyGarment]
+    ready: Callable[[str], ReadyGarment]  # made ready when somebody first wears it
     skin: ReadySkin
     bounds: Float32[np.ndarray, "2 3"]
     sizing: Sizing | None  # statures of the body's shapes; None where these mean other things
@@ -66,6 +74,7 @@ class DressedSampler:
             InputError: the seed is no whole number in 0..2^63 - 1, truncation is not in 0..1, or traits are
             unknown, contradict each other, or are none that this body can show.
         """
+        require_seed(seed)
         require_truncation(truncation)
         chosen = traits if isinstance(traits, Traits) else traits_of(traits or {})
         z = draw_latent(seed)
@@ -106,20 +115,24 @@ class DressedSampler:
 
     def choose(self, draw: Draw) -> Attributes:
         """What the person of a draw is and wears."""
-        items = {each.name: each for each in self.config.garments}
-        brows = {name: drawn_item(name, "brows") for name in self.config.skin.brows}
-        lashes = {name: drawn_item(name, "lashes") for name in self.config.skin.lashes}
-        return choose(
-            draw, items | brows | lashes, list(self.config.skin.skins), list(self.config.skin.irises)
-        )
+        skin = self.config.skin
+        return choose(draw, self.items, list(skin.skins), list(skin.irises))
+
+    @cached_property
+    def items(self) -> Mapping[str, Item]:
+        """What there is to choose among."""
+        skin = self.config.skin
+        drawn = [DrawnItem(name=name, kind="brows") for name in skin.brows]
+        drawn += [DrawnItem(name=name, kind="lashes") for name in skin.lashes]
+        return {each.name: each for each in (*self.config.garments, *drawn)}
 
     def dress(self, person: Attributes) -> DressedField:
         """The field of a person."""
         worn = [
             WornGarment(
-                ready=self.garments[name],
+                ready=self.ready(name),
                 appearance=Dye(
-                    middle=self.garments[name].config.middle,
+                    middle=self.ready(name).config.middle,
                     dye=colour,
                     kind=kind,
                     ink=person.print_colour,
@@ -130,7 +143,7 @@ class DressedSampler:
         ]
         hair = None
         if person.hair is not None:
-            hair = WornGarment(ready=self.garments[person.hair], appearance=HairDye(dye=person.hair_colour))
+            hair = WornGarment(ready=self.ready(person.hair), appearance=HairDye(dye=person.hair_colour))
         return DressedField(
             body=self.fitted,
             distance=self.distance,
@@ -161,10 +174,6 @@ class DrawnItem:
     own_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def drawn_item(name: str, kind: str) -> DrawnItem:
-    return DrawnItem(name=name, kind=kind)
-
-
 def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = None) -> DressedSampler:
     """Load a generator of dressed people, on its own body or on another, pelvis to pelvis.
 
@@ -188,10 +197,7 @@ def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = N
         fitted=trained,
         own_body=own_body,
         offset=offset,
-        garments={
-            each.name: ready_garment(generator.garment(each.name), trained.faces, reach, config.cell)
-            for each in config.garments
-        },
+        ready=cache(lambda name: ready_garment(generator.garment(name), trained.faces, reach, config.cell)),
         skin=ready_skin(generator.skin, config.skin, trained, load_hm08()),
         bounds=np.stack([low, high]).astype(np.float32),
         sizing=Sizing(source) if own_body else None,

@@ -178,6 +178,9 @@ def test_truncation_draws_people_to_the_middle_one(sampler):
     assert first.info.facts == second.info.facts
     with pytest.raises(InputError, match="truncation"):
         sampler.sample(1, truncation=1.5)
+    for seed in (-1, True, 2**63):
+        with pytest.raises(InputError, match="a seed is a whole number"):
+            sampler.sample(seed)
 
 
 def test_another_body_wears_the_same(run):

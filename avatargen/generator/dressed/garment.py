@@ -18,7 +18,7 @@ from avatargen.generator.dressed.network import GarmentNetwork, signed_distance
 from avatargen.generator.dressed.tables import Surface, fade_out
 from avatargen.generator.gathering import fill_place
 from avatargen.wardrobe.appearance import Appearance
-from avatargen.wardrobe.dressed import Cloth, Opening
+from avatargen.wardrobe.dressed import Cloth, Opening, chosen
 
 GRID_SLACK = 0.48  # of the grid's spacing, by which a garment may be nearer than it says between its nodes
 PAINTED = 0.02  # m from a garment beyond which it has no colour
@@ -94,8 +94,7 @@ class WornGarment:
         colour = np.full((len(points), 3), 0.5, np.float32)
         near = np.flatnonzero(distance < PAINTED) if coloured else np.zeros(0, np.int64)
         if len(near):
-            at = BodyHit(distance=hit.distance[near], face=hit.face[near], barycentric=hit.barycentric[near])
-            colour[near] = self.appearance.color(ready.paint.at(at), sewn[near])
+            colour[near] = self.appearance.color(ready.paint.at(chosen(hit, near)), sewn[near])
         return Cloth(distance=distance, rim=sewn[:, 0], color=colour)
 
 

@@ -14,6 +14,7 @@ from avatargen.generator.dressed.config import SkinConfig
 from avatargen.generator.dressed.generator import LearnedSkin
 from avatargen.generator.dressed.tables import Surface, Table
 from avatargen.wardrobe.bare import LASH, UNDERWEAR, underwear
+from avatargen.wardrobe.dressed import chosen
 from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.makehuman.choose import Attributes
 from avatargen.wardrobe.makehuman.hm08 import Hm08
@@ -85,7 +86,7 @@ class PersonSkin:
         colour = np.empty((len(hit.face), 3), np.float32)
         for number, table in enumerate(self.tables):
             index = np.flatnonzero(ready.owner[hit.face] == number)
-            colour[index] = table.at(some(hit, index))
+            colour[index] = table.at(chosen(hit, index))
         corners = body.faces[hit.face]
         foot = np.einsum("nk,nka->na", hit.barycentric, body.vertices[corners]).astype(np.float64)
         colour = colour.astype(np.float64)
@@ -108,11 +109,6 @@ class PersonSkin:
         off = (foot - eyes[:, :3])[:, :2] / eyes[:, 3:]
         off[:, 0] *= np.where(side == 0, 1, -1)
         return texels(self.iris, ((off + 1) / 2).clip(0.01, 0.99))
-
-
-def some(hit: BodyHit, index: np.ndarray) -> BodyHit:
-    """Some of the points."""
-    return BodyHit(distance=hit.distance[index], face=hit.face[index], barycentric=hit.barycentric[index])
 
 
 def inner_faces(table: Surface) -> Bool[np.ndarray, " F"]:

@@ -35,9 +35,8 @@ from avatargen.generator.dressed.generator import (
 from avatargen.generator.dressed.tables import Table
 from avatargen.training.dressed.learn import Cut, Learned, LearningConfig, Named, learn, told
 from avatargen.training.dressed.skin import LearnedSkins, SkinCut, learn_skins
-from avatargen.wardrobe.appearance import HairDye
 from avatargen.wardrobe.makehuman.load import FittedGarment
-from avatargen.wardrobe.makehuman.person import ArtistGarment, Wardrobe, WornHair
+from avatargen.wardrobe.makehuman.person import ArtistGarment, Wardrobe
 from avatargen.wardrobe.makehuman.pool import make_pool, surface_colors
 from avatargen.wardrobe.makehuman.strands import Strands
 
@@ -127,16 +126,13 @@ def learn_garment(
 ) -> Placed:
     """Learn one garment."""
     body, grid = wardrobe.body, grid_points(config.cell)
-    own = wardrobe.made(garment.name).own
+    made = wardrobe.made(garment.name)
+    own = made.own
     pool = make_pool(garment, own, body.distance, config.learning.points)
     if garment.kind == "hair":
         middle, hidden = (50.0, 0.0, 0.0), np.zeros(len(body.vertices), dtype=bool)
-        hair = WornHair(
-            strands=Strands(garment=garment, body=body.distance), appearance=HairDye(dye=(0.5, 0.5, 0.5))
-        )
-        away = hair.strands.distance(grid)
+        away = Strands(garment=garment, body=body.distance).distance(grid)
     else:
-        made = wardrobe.made(garment.name)
         middle, hidden = made.middle, made.hidden
         away = made.solid.hit(grid, reach=1.0).distance
     learned = learn(
