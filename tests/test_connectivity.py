@@ -4,6 +4,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapes import icosphere
 
+from assets.mesh.connectivity import label_fans
+from assets.mesh.repair import next_edge
 from assets.mesh.surface import (
     Surface,
     count_split_vertices,
@@ -105,3 +107,20 @@ def test_a_hub_of_many_faces_takes_no_longer_than_its_edges():
     twin = opposite_edges(faces, count + 2)
     assert (twin >= 0).all()
     assert (twin[twin] == np.arange(len(twin))).all()
+
+
+@pytest.mark.parametrize("number", range(35))
+def test_fans_are_corners_joined_across_shared_edges(number):
+    faces, count = list(soups())[number]
+    faces = np.ascontiguousarray(faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])
+    twin = opposite_edges(faces, count)
+    edge = np.flatnonzero(twin >= 0)
+    rows = np.concatenate([edge, next_edge(edge)])  # the corners at an edge's start and end ...
+    columns = np.concatenate([next_edge(twin[edge]), twin[edge]])  # ... are those at its twin's end and start
+    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
+    wanted, labels = connected_components(graph, directed=False)
+
+    fan, first = label_fans(faces, twin)
+
+    assert fan.tolist() == labels.tolist() and len(first) == wanted
+    assert first.tolist() == np.unique(labels, return_index=True)[1].tolist()

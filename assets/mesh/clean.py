@@ -13,7 +13,6 @@ from assets.mesh.surface import (
     compact,
     find_defects,
     label_components,
-    require_sound,
     volume,
     volume_parts,
 )
@@ -55,10 +54,12 @@ def clean(surface: Surface) -> Cleaning:
         return Cleaning(surface=kept, dropped_components=dropped, repaired="")
     for method in (repair, repair_by_pymeshlab):
         repaired, lost = keep_largest(method(kept))
-        if not find_defects(repaired):
-            break
-    repaired = require_sound(repaired, "clean")
-    return Cleaning(surface=repaired, dropped_components=dropped + lost, repaired=str(defects))
+        left = find_defects(repaired, components=1)
+        if not left:
+            return Cleaning(surface=repaired, dropped_components=dropped + lost, repaired=str(defects))
+    raise GeometryError(
+        f"clean: {left} are left; one closed manifold surface is needed, try another resolution"
+    )
 
 
 def keep_largest(surface: Surface) -> tuple[Surface, int]:

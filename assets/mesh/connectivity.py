@@ -35,6 +35,12 @@ def previous_edge(edge):
     return edge + 2 if edge % 3 == 0 else edge - 1
 
 
+@inner(inline="always")
+def next_edge(edge):
+    """The edge after this one around its face."""
+    return edge - 2 if edge % 3 == 2 else edge + 1
+
+
 @inner(forceinline=True)
 def meets_link_condition(mesh, mark, stamp, u, v):
     """Whether the edge from u to v may collapse in a closed surface that stays a manifold of the same
@@ -132,6 +138,29 @@ def count_split(faces, twin, vertex_count):
                 break
         split += visited != degree[vertex] or visited == 0
     return split
+
+
+@compiled
+def label_fans(faces, twin):
+    """[E] the fan of each corner of the faces, fans being faces around a vertex that follow each other by
+    twins, numbered by their first corners; and those first corners."""
+    fan, first = np.full(faces.size, -1, np.int64), np.empty(faces.size, np.int64)
+    count = 0
+    for corner in range(faces.size):
+        if fan[corner] >= 0:
+            continue
+        edge = corner
+        while edge >= 0 and fan[edge] < 0:
+            fan[edge] = count
+            edge = twin[previous_edge(edge)]
+        edge = twin[corner]  # the other way, where the fan is not closed
+        while edge >= 0 and fan[next_edge(edge)] < 0:
+            edge = next_edge(edge)
+            fan[edge] = count
+            edge = twin[edge]
+        first[count] = corner
+        count += 1
+    return fan, first[:count].copy()
 
 
 @compiled

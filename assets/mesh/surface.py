@@ -60,20 +60,6 @@ def find_defects(surface: Surface, components: int | None = None) -> Defects:
     )
 
 
-def require_sound(surface: Surface, stage: str) -> Surface:
-    """The surface itself, if it is closed, manifold, outward and in one piece.
-
-    Raises:
-        GeometryError: it is not; names the stage and the defects.
-    """
-    defects = find_defects(surface)
-    if defects:
-        raise GeometryError(
-            f"{stage}: {defects} are left; one closed manifold surface is needed, try another resolution"
-        )
-    return surface
-
-
 def count_thin_faces(surface: Surface) -> int:
     """Faces whose area is nothing beside the square of their longest edge."""
     a, b, c = corners_of(surface)
