@@ -4,9 +4,10 @@ Layers from the skin outward. Each is a closed volume; what lies beneath one sta
 edges, where a sleeve lets an arm out. A point is asked of the outermost layers first: where one covers what
 is beneath, that is not asked.
 
-Letters: N points, M of them asked, V body vertices. Metres.
+Letters: N points, M of them asked, L garments, V body vertices. Metres.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, runtime_checkable
@@ -17,6 +18,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 
 from avatargen.body.distance import BodyDistance, BodyHit
 from avatargen.body.model import CanonicalBody
+from avatargen.compiled import compiled, inner
 from avatargen.wardrobe.lips import between_lips
 
 GAP = 0.003  # m that a layer stays inside the one over it
@@ -32,6 +34,8 @@ SUNK, SUNK_NEAR = 0.0045, 0.0025  # m that hair stays under what it lies on, and
 BRIM = 0.008  # m under a hat's edge that hair ends: brims hang lower in front
 CORE = 0.02  # m under the skin from which the body is solid, whatever is worn: nothing falls apart there
 FAR = 1.0  # m: the distance of what was not asked
+UNSEEN = 30 * SEAM  # m under the other of two layers, from where one adds nothing to the colour
+SINGLE = np.float32  # what layers say has single precision, and so has what is made of it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,22 +141,18 @@ class DressedField:
             cloth = asked(garment, moved, hit, open_to_air, coloured=coloured)
             open_to_air &= ~covers(cloth)
             laid.insert(0, cloth)
-        bare = 1 - (self.hidden[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
+        bare = np.empty(len(points), np.float32)
+        share_bare(self.hidden, self.body.faces, hit.face, hit.barycentric, bare)
         naked = open_to_air | (bare > 1e-6)  # a hand before a hip is not hidden by what hides the hip
         distance = np.where(naked, hit.distance - between_lips(moved), FAR).astype(np.float64)
         colour = np.full((len(points), 3), 0.5)
         seen = np.flatnonzero(naked) if coloured else np.zeros(0, np.int64)
         if len(seen):
             colour[seen] = self.skin.color(moved[seen], chosen(hit, seen))
-        for outer in laid:
-            distance = kept_inside(distance, outer.distance, np.maximum(bare, near_edges(outer.rim)))
-        for index, layer in enumerate(laid):
-            inner = layer.distance.astype(np.float64)
-            for over in laid[index + 1 :]:
-                inner = kept_inside(inner, over.distance, near_edges(over.rim))
-            ahead = np.where(layer.rim > HEM, AHEAD, 0.0)  # a hem's inside is no cloth
-            shade = np.where(layer.rim > HEM, 1.0, HEM_SHADE)[:, None]
-            distance, colour = laid_over(distance, colour, inner, layer.color * shade, ahead)
+        if laid:
+            outer, rim = (np.stack([getattr(cloth, name) for cloth in laid]) for name in ("distance", "rim"))
+            dye = np.stack([cloth.color for cloth in laid])
+            lay_garments(distance, colour, bare, outer, rim, dye, coloured)
         distance = np.minimum(distance, hit.distance + CORE)
         if self.hair is not None:
             hair = asked(self.hair, moved, hit, np.ones(len(points), dtype=bool), coloured=coloured)
@@ -160,8 +160,7 @@ class DressedField:
             for garment, cloth in zip(self.garments, laid, strict=True):
                 if garment.opening is not None:
                     strands = under_hat(strands, cloth.distance, garment.opening.above(moved))
-            strands += SUNK * np.exp(-((distance / SUNK_NEAR) ** 2))  # stray hairs are no skin's colour
-            distance, colour = laid_over(distance, colour, strands, hair.color, np.zeros(1))
+            lay_hair(distance, colour, strands, hair.color, coloured)
         return distance, colour
 
     def closest(self, points: Float32[np.ndarray, "N 3"]) -> tuple[BodyHit, Float32[np.ndarray, "N 3"]]:
@@ -189,25 +188,17 @@ def asked(
     distance[~wanted] = FAR
     if len(index):
         found = layer.cloth(points[index], chosen(hit, index), coloured=coloured)
-        distance[index], rim[index], colour[index] = found.distance, found.rim, found.color
+        near = distance[index]  # far off, networks guess, and are no nearer than this
+        distance[index] = np.where(near > 0, np.maximum(found.distance, near), found.distance)
+        rim[index] = found.rim
+        if coloured:
+            colour[index] = found.color
     return Cloth(distance=distance, rim=rim, color=colour)
 
 
 def covers(cloth: Cloth) -> Bool[np.ndarray, " M"]:
     """Where nothing beneath can be seen."""
     return (cloth.rim > EDGE_ZONE) & (cloth.distance < CATCH)
-
-
-def near_edges(rim: np.ndarray) -> np.ndarray:
-    """1 at the edges of a garment, where what is beneath may come out, 0 away from them."""
-    return 1 - np.clip(rim / EDGE_ZONE, 0, 1)
-
-
-def kept_inside(
-    beneath: Float64[np.ndarray, " N"], outer: np.ndarray, free: np.ndarray
-) -> Float64[np.ndarray, " N"]:
-    """What lies beneath a layer, cut off where it would come out of it and is not `free` (1) to."""
-    return np.maximum(beneath, outer + GAP - LOOSE * free - 4 * np.maximum(outer - CATCH, 0))
 
 
 def under_hat(
@@ -217,14 +208,72 @@ def under_hat(
     return np.maximum(hair, np.minimum(hat + GAP, above + BRIM))
 
 
-def laid_over(
-    beneath: Float64[np.ndarray, " N"],
-    colour: Float64[np.ndarray, "N 3"],
-    outer: np.ndarray,
-    dye: np.ndarray,
-    ahead: np.ndarray,
-) -> tuple[Float64[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-    """Union of two layers; the colour is that of the one further out, which the one beneath must be by
-    `ahead` (m)."""
-    seen = 1 / (1 + np.exp(np.clip((outer - beneath - ahead) / SEAM, -30, 30)))
-    return np.minimum(beneath, outer), colour + (dye - colour) * seen[:, None]
+@compiled
+def share_bare(hidden, faces, face, barycentric, bare):
+    """Fill in how far each body point [N] (a face and weights [N 3]) is bare: 1 less what is `hidden` [V]."""
+    for i in range(len(face)):
+        a, b, c = faces[face[i], 0], faces[face[i], 1], faces[face[i], 2]
+        cover = hidden[a] * barycentric[i, 0] + hidden[b] * barycentric[i, 1] + hidden[c] * barycentric[i, 2]
+        bare[i] = SINGLE(1) - cover
+
+
+@inner
+def near_edges(rim):
+    """1 at the edges of a garment, where what is beneath may come out, 0 away from them."""
+    return SINGLE(1) - min(max(rim / SINGLE(EDGE_ZONE), SINGLE(0)), SINGLE(1))
+
+
+@inner
+def kept_inside(beneath, outer, free):
+    """What lies `beneath` a layer (m), cut off where it would come out of it and is not `free` (1) to."""
+    caught = SINGLE(4) * max(outer - SINGLE(CATCH), SINGLE(0))
+    return max(beneath, outer + SINGLE(GAP) - SINGLE(LOOSE) * free - caught)
+
+
+@inner
+def seen_over(outer, beneath, ahead):
+    """How much is seen of the outer of two layers (m): that which is further out, which the one beneath must
+    be by `ahead` (m)."""
+    return 1 / (1 + math.exp(min(max((outer - beneath - ahead) / SEAM, -30.0), 30.0)))
+
+
+@compiled
+def lay_garments(distance, colour, bare, outer, rim, dye, coloured):
+    """Lay garments, from the skin outward, over what is in `distance` [N] and, where `coloured`, `colour` [N
+    3].
+
+    `outer` and `rim` [L N] their distances and ways to an edge, `dye` [L N 3] their colours; `bare` [N] how
+    far the body beneath is.
+    """
+    count = len(outer)
+    for i in range(len(distance)):
+        found = distance[i]
+        for k in range(count):
+            found = kept_inside(found, outer[k, i], max(bare[i], near_edges(rim[k, i])))
+        for k in range(count):
+            layer = np.float64(outer[k, i])
+            for over in range(k + 1, count):
+                layer = kept_inside(layer, outer[over, i], near_edges(rim[over, i]))
+            if coloured and layer - found < UNSEEN + AHEAD:
+                within = rim[k, i] > SINGLE(HEM)  # a hem's inside is no cloth
+                seen = seen_over(layer, found, AHEAD if within else 0.0)
+                for c in range(3):
+                    shaded = dye[k, i, c] * (1.0 if within else HEM_SHADE)
+                    colour[i, c] += (shaded - colour[i, c]) * seen
+            found = min(found, layer)
+        distance[i] = found
+
+
+@compiled
+def lay_hair(distance, colour, strands, dye, coloured):
+    """Lay hair, `strands` [N] away, over what is in `distance` [N] and, where `coloured`, `colour` [N 3]."""
+    for i in range(len(distance)):
+        beneath = distance[i]
+        if strands[i] - beneath < UNSEEN:
+            # stray hairs are no skin's colour
+            hair = strands[i] + SUNK * math.exp(-((beneath / SUNK_NEAR) ** 2))
+            distance[i] = min(beneath, hair)
+            if coloured:
+                seen = seen_over(hair, beneath, 0.0)
+                for c in range(3):
+                    colour[i, c] += (dye[i, c] - colour[i, c]) * seen

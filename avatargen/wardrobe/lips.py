@@ -15,6 +15,9 @@ def smooth(x: np.ndarray, low: float, high: float) -> np.ndarray:
 
 def between_lips(points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
     """Metres by which the skin stands out of the body where the lips meet."""
-    x, y, z = points.astype(np.float64).T
+    found = np.zeros(len(points))
+    near = np.flatnonzero((np.abs(points[:, 0]) < LIPS_HALF) & (points[:, 2] > 0.10))
+    x, y, z = points[near].astype(np.float64).T
     across = smooth(LIPS_HALF - np.abs(x), 0.0, 0.01) * smooth(z, 0.10, 0.12)
-    return LIPS_GAP * across * np.exp(-(((y - LIPS_Y) / 0.0045) ** 2))
+    found[near] = LIPS_GAP * across * np.exp(-(((y - LIPS_Y) / 0.0045) ** 2))
+    return found

@@ -40,8 +40,8 @@ class ReadyGarment:
     cell: float
 
     @torch.inference_mode()
-    def raw(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit) -> torch.Tensor:
-        """The network's outputs."""
+    def distance(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit) -> Float32[np.ndarray, " M"]:
+        """What the network says: signed distance, m."""
         config = self.config
         inputs = np.empty((len(points), config.inputs), np.float32)
         inputs[:, 0] = 10 * hit.distance
@@ -55,13 +55,12 @@ class ReadyGarment:
         angle = np.pi * (2 * (points - low) / (high - low) - 1)
         column += config.features.numbers
         fill_place(angle, np.sin(angle), np.cos(angle), np.arange(len(points)), inputs, column)
-        return self.network(torch.from_numpy(inputs))
+        return signed_distance(self.network(torch.from_numpy(inputs)), torch.from_numpy(hit.distance)).numpy()
 
     def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
         """Metres that the garment is away from each point at least."""
         found = np.empty(len(points), np.float32)
-        place = (points.astype(np.float64) - np.array(GRID_LOW)) / self.cell
-        bound(place, self.away, GRID_SLACK * self.cell, found)
+        bound(points, GRID_LOW, self.cell, self.away, GRID_SLACK * self.cell, found)
         return found
 
 
@@ -86,13 +85,11 @@ class WornGarment:
 
     def cloth(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
         ready = self.ready
-        raw = ready.raw(points, hit)
-        distance = signed_distance(raw, torch.from_numpy(hit.distance)).numpy()
-        least = ready.least(points)
-        distance = np.where(least > 0, np.maximum(distance, least), distance)  # far off, networks guess
+        distance = ready.distance(points, hit)
         sewn = ready.sewn.at(hit)
         colour = np.full((len(points), 3), 0.5, np.float32)
         near = np.flatnonzero(distance < PAINTED) if coloured else np.zeros(0, np.int64)
+        near = near[ready.least(points[near]) < PAINTED]
         if len(near):
             colour[near] = self.appearance.color(ready.paint.at(chosen(hit, near)), sewn[near])
         return Cloth(distance=distance, rim=sewn[:, 0], color=colour)
@@ -121,15 +118,15 @@ def ready_garment(
 
 
 @compiled
-def bound(place, away, slack, found):
-    """Fill in how far (metres) a garment is at least, by the grid, less `slack`.
+def bound(points, low, cell, away, slack, found):
+    """Fill in how far (metres) a garment is at least from points [N 3], by the grid, less `slack`.
 
-    `place` [N 3] in the grid's cells; `away` [X Y Z] millimetres.
+    `away` [X Y Z] millimetres, at nodes that are `cell` metres apart from the corner `low` on.
     """
-    for i in range(len(place)):
-        x = min(max(place[i, 0], 0.0), away.shape[0] - 1.001)
-        y = min(max(place[i, 1], 0.0), away.shape[1] - 1.001)
-        z = min(max(place[i, 2], 0.0), away.shape[2] - 1.001)
+    for i in range(len(points)):
+        x = min(max((points[i, 0] - low[0]) / cell, 0.0), away.shape[0] - 1.001)
+        y = min(max((points[i, 1] - low[1]) / cell, 0.0), away.shape[1] - 1.001)
+        z = min(max((points[i, 2] - low[2]) / cell, 0.0), away.shape[2] - 1.001)
         p, q, r = int(x), int(y), int(z)
         x, y, z = x - p, y - q, z - r
         total = 0.0
