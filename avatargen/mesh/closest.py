@@ -87,7 +87,7 @@ def build_tree(
         here = middle[order]
         extent = np.maximum.reduceat(here, starts) - np.minimum.reduceat(here, starts)
         along = here[np.arange(count), extent.argmax(axis=1)[group]]
-        order = order[np.lexsort((along, group))]
+        order = order[sorted_within(along, width)]
         width //= 2
     starts = np.arange(0, count, LEAF)
     boxes = np.full((leaves, 6), np.inf)
@@ -99,6 +99,15 @@ def build_tree(
         pairs = levels[0].reshape(-1, 2, 6)
         levels.insert(0, np.concatenate([pairs[..., :3].min(axis=1), pairs[..., 3:].max(axis=1)], axis=1))
     return order, np.ascontiguousarray(np.concatenate(levels))
+
+
+def sorted_within(values: Float64[np.ndarray, " F"], width: int) -> Int64[np.ndarray, " F"]:
+    """An order that sorts each group of `width` values, of which the last may be smaller; equal values stay
+    in order."""
+    whole = len(values) // width * width
+    rows = np.argsort(values[:whole].reshape(-1, width), axis=1, kind="stable")
+    rows += np.arange(0, whole, width)[:, None]
+    return np.append(rows, whole + np.argsort(values[whole:], kind="stable"))
 
 
 def face_rows(corners: Float64[np.ndarray, "F 3 3"]) -> Float64[np.ndarray, "F 19"]:

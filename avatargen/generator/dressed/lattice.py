@@ -34,15 +34,20 @@ def lattice(faces: Int[np.ndarray, "F 3"], covered: Bool[np.ndarray, " F"], segm
     """The nodes of the covered faces."""
     n = segments
     inside = faces[covered]
-    edges, edge_of = np.unique(
-        np.sort(inside[:, [[0, 1], [0, 2], [1, 2]]], axis=2).reshape(-1, 2), axis=0, return_inverse=True
-    )
+    size = int(faces.max()) + 1
+    pairs = [(inside[:, a], inside[:, b]) for a, b in ((0, 1), (0, 2), (1, 2))]
+    # an edge as one number, as rows take many times as long to sort
+    numbers = np.stack([np.minimum(a, b) * size + np.maximum(a, b) for a, b in pairs], axis=1)
+    edges, edge_of = np.unique(numbers, return_inverse=True)
     edge_of = edge_of.reshape(-1, 3)
     border = np.bincount(edge_of.ravel(), minlength=len(edges)) == 1
     if covered.all():
         border[:] = False
-    vertices = np.setdiff1d(np.unique(inside), np.unique(edges[border]))
-    vertex_node = np.zeros(faces.max() + 1, np.int64)
+    within = np.zeros(size, dtype=bool)
+    within[inside] = True
+    within[edges[border] // size] = within[edges[border] % size] = False
+    vertices = np.flatnonzero(within)
+    vertex_node = np.zeros(size, np.int64)
     vertex_node[vertices] = 1 + np.arange(len(vertices))
     count = 1 + len(vertices)
     edge_node = np.zeros((len(edges), n - 1), np.int64)
