@@ -29,7 +29,19 @@ from avatargen.training.dressed.run import PeopleConfig, train
 from avatargen.training.dressed.skin import SkinCut
 from avatargen.wardrobe import dressed
 from avatargen.wardrobe.choosing import SHOWN
-from avatargen.wardrobe.dressed import FAR, asked
+from avatargen.wardrobe.dressed import (
+    AHEAD,
+    CATCH,
+    EDGE_ZONE,
+    FAR,
+    GAP,
+    HEM,
+    HEM_SHADE,
+    LOOSE,
+    SEAM,
+    asked,
+    lay_garments,
+)
 from avatargen.wardrobe.makehuman.choose import THIN, Draw, draw_latent
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from tests.small_wardrobe import write_skins, write_tube
@@ -105,6 +117,35 @@ def test_a_layer_is_asked_only_where_it_is_wanted_and_can_be_near(wardrobe):
     cloth = asked(garment, points, hit, np.array([True, True, False]), coloured=True)
     assert cloth.distance[1] == pytest.approx(garment.least(points)[1]) and cloth.distance[1] > 4
     assert cloth.distance[2] == FAR
+
+
+def test_layers_are_laid_as_their_formulas_say():
+    """Over all points at once, in double precision."""
+    rng = np.random.default_rng(5)
+    outer = rng.uniform(-0.02, 0.04, size=(3, 500)).astype(np.float32)
+    rim = rng.uniform(0, 2 * EDGE_ZONE, size=(3, 500)).astype(np.float32)
+    dye, bare = rng.random((3, 500, 3), np.float32), rng.random(500, np.float32)
+    rim[:, ::7] = HEM / 2
+    distance, colour = rng.uniform(-0.02, 0.04, size=500), rng.random((500, 3))
+    found, painted = distance.copy(), colour.copy()
+    lay_garments(found, painted, bare, outer, rim, dye, True)
+
+    def kept(beneath, over, free):
+        return np.maximum(beneath, over + GAP - LOOSE * free - 4 * np.maximum(over - CATCH, 0))
+
+    free = 1 - np.clip(rim / EDGE_ZONE, 0, 1)
+    for k in range(3):
+        distance = kept(distance, outer[k], np.maximum(bare, free[k]))
+    for k in range(3):
+        layer = outer[k].astype(np.float64)
+        for over in range(k + 1, 3):
+            layer = kept(layer, outer[over], free[over])
+        within = rim[k] > HEM
+        seen = 1 / (1 + np.exp(np.clip((layer - distance - AHEAD * within) / SEAM, -30, 30)))
+        shaded = dye[k] * np.where(within, 1, HEM_SHADE)[:, None]
+        colour, distance = colour + (shaded - colour) * seen[:, None], np.minimum(distance, layer)
+    assert np.abs(found - distance).max() < 1e-7
+    assert np.abs(painted - colour).max() < 1e-3  # 1e-7 m of distance through the seam's softness
 
 
 def test_a_table_keeps_numbers_to_half_a_step(body):
