@@ -55,7 +55,7 @@ class BuildConfig:
     texture: int = 1024  # texels along a side
     joints: Joints = "all"  # 24: no fingers; moving: those alone that move a vertex or carry one that does
     pose: str | Float[np.ndarray, "J 3"] = field(default="a", hash=False)  # rest pose: x, t, a or axis-angle
-    head_detail: float = 2.0  # texels along a line on the head for one on the body
+    head_detail: float = 2.0  # on the head for one on the body: texels along a line, faces over an area
     normal_map: int | None = None  # texels along a side of the field's own normals; None: none
     ambient_occlusion: int | None = None  # texels along a side of how open the surface lies; None: none
     bones: Bones = "along"  # joints' frames have +y along their bones; world: they are the world's

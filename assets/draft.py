@@ -12,6 +12,7 @@ from assets.build_config import AvatarFields, BuildConfig
 from assets.charting import Charting
 from assets.isosurface.extract import Extraction
 from assets.mesh.clean import Cleaning
+from assets.mesh.importance import Importance, by_looks
 from assets.mesh.measure import SurfaceError
 from assets.mesh.surface import Surface
 from assets.skin.attach import Attachment
@@ -48,6 +49,11 @@ class Draft:
     texture: Texture | None = None
     normal_map: NormalMap | None = None
     occlusion: UInt8[np.ndarray, "K K"] | None = None
+
+    @property
+    def importance(self) -> Importance:
+        """How much a part of the surface counts."""
+        return by_looks(self.body, self.config.head_detail)
 
     @property
     def charted(self) -> Atlas:

@@ -45,7 +45,7 @@ def simplify(draft: Draft) -> None:
     faces, simplifier = draft.config.faces, draft.config.simplifier
     assert faces is not None, "planned without a number of faces"
     if simplifier == "adaptive":
-        draft.surface = reduce(draft.surface, draft.avatar.sdf, faces)
+        draft.surface = reduce(draft.surface, draft.avatar.sdf, faces, draft.importance)
     else:
         collapses = SimplifyConfig(target_faces=faces, simplifier=simplifier)
         draft.surface = simplify_surface(draft.surface, collapses)
@@ -112,6 +112,6 @@ def find_surface(draft: Draft) -> Extraction:
     if config.mesher == "marching-cubes":
         way = partial(trace, march=march_volume)
     elif config.faces is not None:
-        way = partial(trace_adaptively, faces=config.faces)
+        way = partial(trace_adaptively, faces=config.faces, importance=draft.importance)
     extraction = ExtractConfig(resolution=config.resolution, seeds=SEEDS)
     return trace_whole(draft.avatar.sdf, draft.avatar.bounds, extraction, way)

@@ -60,7 +60,7 @@ def test_cells_are_halved_at_edges_alone():
     grid = make_grid(BOX, 128, together=LARGE)
     values = CornerValues(box((0.5, 0.4, 0.6), turn), grid)
     large = follow_surface(values, find_start(values, FINE, LARGE).cells, LARGE)
-    halved = large[bends(values, large, 0.2)]
+    halved = large[bends(values, large, np.full(len(large), 0.2))]
 
     local = np.abs(grid.points(halved + LARGE / 2) @ turn.numpy()) - (0.5, 0.4, 0.6)
     from_edge = np.sort(np.abs(local), axis=1)[:, 1]
@@ -97,7 +97,7 @@ def test_no_edge_of_a_large_cell_that_is_left_is_crossed_twice():
     sdf = union(person(), plate(0.012))
     values = CornerValues(sdf, make_grid(BOX, 128, together=LARGE))
     large = follow_surface(values, find_start(values, FINE, LARGE).cells, LARGE)
-    leaves = refine(values, large, bends(values, large, 0.4))
+    leaves = refine(values, large, bends(values, large, np.full(len(large), 0.4)))
     twice = values.grid.keys(crossed_twice(values, leaves.small))
     assert np.isin(twice, values.grid.keys(leaves.halved)).all()
     assert not np.isin(values.grid.keys(leaves.large), values.grid.keys(leaves.halved)).any()

@@ -120,3 +120,12 @@ def test_same_input_same_bytes():
     first, second = decimate(dense, 500), decimate(dense, 500)
     assert first.vertices.tobytes() == second.vertices.tobytes()
     assert first.faces.tobytes() == second.faces.tobytes()
+
+
+def test_where_more_counts_more_faces_are_left():
+    """Of a ball whose upper half weighs eight times as much, that half keeps about twice the faces."""
+    ball = icosphere(rounds=5)
+    up = decimate(ball, 1500, importance=lambda points: np.where(points[:, 1] > 0, 8.0, 1.0))
+    middles = up.vertices[up.faces].mean(axis=1)
+    share = (middles[:, 1] > 0).mean()
+    assert not find_defects(up) and 0.62 < share < 0.71

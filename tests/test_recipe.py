@@ -23,6 +23,7 @@ from assets.isosurface import volume
 from assets.isosurface.extract import ExtractConfig, trace
 from assets.isosurface.grid import make_grid
 from assets.isosurface.volume import march_volume
+from assets.mesh.importance import Importance
 from assets.mesh.surface import Surface, euler_number, find_defects
 from assets.mesh.surface import volume as enclosed
 from assets.pipeline import plan_for
@@ -154,7 +155,7 @@ def test_a_volume_too_large_is_refused_before_it_is_made(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("simplifier", SIMPLIFIERS)
 def test_what_no_way_keeps_closed_is_refused(simplifier: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def torn(surface: Surface, target: int) -> list[Surface]:
+    def torn(surface: Surface, target: int, _: Importance) -> list[Surface]:
         return [Surface(vertices=surface.vertices, faces=surface.faces[:target])]
 
     monkeypatch.setitem(simplifying.CANDIDATES, simplifier, torn)
@@ -166,16 +167,16 @@ def test_what_no_way_keeps_closed_is_refused(simplifier: Any, monkeypatch: pytes
 def test_a_way_that_keeps_the_handles_goes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     dense = surface_of(torus(), BOX, resolution=48, faces=2000)
     ball, ring = icosphere(rounds=2), simplify(dense, SimplifyConfig(target_faces=320))
-    monkeypatch.setitem(simplifying.CANDIDATES, "pymeshlab", lambda surface, target: [ball, ring])
+    monkeypatch.setitem(simplifying.CANDIDATES, "pymeshlab", lambda surface, target, weight: [ball, ring])
     assert simplify(dense, SimplifyConfig(target_faces=320, simplifier="pymeshlab")) is ring
-    monkeypatch.setitem(simplifying.CANDIDATES, "pymeshlab", lambda surface, target: [ball])
+    monkeypatch.setitem(simplifying.CANDIDATES, "pymeshlab", lambda surface, target, weight: [ball])
     assert simplify(dense, SimplifyConfig(target_faces=320, simplifier="pymeshlab")) is ball
 
 
 def test_a_change_of_topology_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """Handles that a simplifier closes are named, not passed over."""
     ball = icosphere(0.6, rounds=3)
-    monkeypatch.setitem(simplifying.CANDIDATES, "fast-simplification", lambda surface, target: [ball])
+    monkeypatch.setitem(simplifying.CANDIDATES, "fast-simplification", lambda surface, target, weight: [ball])
     body = stranger()
     low, high = body.body.vertices.min(axis=0), body.body.vertices.max(axis=0)
     assert (high - low).min() > 0  # the ring stands for a person: skinned by the nearest bones

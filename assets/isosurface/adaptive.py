@@ -16,7 +16,7 @@ Letters: C cells, K cells kept, S small cells. Grid coordinates as in `grid`, in
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Bool, Float, Float64, Int64
 
 from assets.field import Field, ask
 from assets.isosurface.band import HALVES, ExtractConfig
@@ -24,6 +24,7 @@ from assets.isosurface.dual import Contour, Leaves, contour
 from assets.isosurface.extract import Extraction
 from assets.isosurface.follow import cells_across, find_start, follow_surface
 from assets.isosurface.grid import CORNERS, CellSet, CornerValues, Grid, grown, make_grid, unique_corners
+from assets.mesh.importance import Importance, evenly
 from assets.mesh.surface import Surface
 
 LARGE = 2  # small cells along a side of a large one
@@ -34,11 +35,15 @@ AROUND = (0, -LARGE)  # the low ends of the large cells around an edge, along ea
 
 
 def trace_adaptively(
-    sdf: Field, bounds: Float[np.ndarray, "2 3"], config: ExtractConfig, faces: int
+    sdf: Field,
+    bounds: Float[np.ndarray, "2 3"],
+    config: ExtractConfig,
+    faces: int,
+    importance: Importance = evenly,
 ) -> Extraction:
-    """The zero level of `sdf` inside `bounds` (metres), to be simplified to a number of faces; one or more
-    closed components facing outward, whose edges are rarely not manifold, where sheets touch. The resolution
-    counts small cells.
+    """The zero level of `sdf` inside `bounds` (metres), to be simplified to a number of faces by
+    `importance`; one or more closed components facing outward, whose edges are rarely not manifold, where
+    sheets touch. The resolution counts small cells.
 
     Raises the errors of `assets.isosurface.extract.extract`.
     """
@@ -46,7 +51,8 @@ def trace_adaptively(
     values = CornerValues(sdf, grid)
     start = find_start(values, config, LARGE)
     large = follow_surface(values, start.cells, LARGE)
-    angle = min(BEND * config.resolution / faces, LARGEST_BEND)
+    middles = grid.points(large + LARGE // 2)
+    angle = np.minimum(BEND * config.resolution / faces, LARGEST_BEND) / np.cbrt(importance(middles))
     leaves = refine(values, large, bends(values, large, angle))
     found = contour(values, leaves)
     return Extraction(
@@ -57,8 +63,10 @@ def trace_adaptively(
     )
 
 
-def bends(values: CornerValues, large: Int64[np.ndarray, "C 3"], angle: float) -> Bool[np.ndarray, " C"]:
-    """Whether the surface turns by more than an angle between each large cell and a neighbour."""
+def bends(
+    values: CornerValues, large: Int64[np.ndarray, "C 3"], angle: Float64[np.ndarray, " C"]
+) -> Bool[np.ndarray, " C"]:
+    """Whether the surface turns by more than an angle (radians) between each large cell and a neighbour."""
     slots = values.slots_of_cells(large, LARGE)
     normals = values.values[slots] @ (2.0 * CORNERS - 1)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -71,7 +79,7 @@ def bends(values: CornerValues, large: Int64[np.ndarray, "C 3"], angle: float) -
         beyond = values.slots(np.minimum(beyond, values.grid.shape))
         number = grown(number, len(values.values))
         pair = np.stack([np.arange(len(large)), number[beyond] - 1])[:, number[beyond] > 0]
-        turn = np.einsum("cd,cd->c", normals[pair[0]], normals[pair[1]]) < np.cos(angle)
+        turn = np.einsum("cd,cd->c", normals[pair[0]], normals[pair[1]]) < np.cos(angle[pair[0]])
         bent[pair[:, turn]] = True
     return bent
 

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Int32
 
 from assets.mesh.connectivity import HalfEdges, end_of, meets_link_condition, previous_edge
+from assets.mesh.importance import Importance, evenly
 from assets.mesh.quadric import TERMS, best_point, cross, face_quadrics
 from assets.mesh.surface import Surface, compact, opposite_edges
 from avatargen.compiled import compiled, inner
@@ -64,8 +65,13 @@ class Queue(NamedTuple):
     waits: Bool[np.ndarray, " P"]  # False for pairs that were refused
 
 
-def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None = None) -> Surface:
-    """The surface with `target_faces` faces or one more.
+def decimate(
+    surface: Surface,
+    target_faces: int,
+    config: DecimateConfig | None = None,
+    importance: Importance = evenly,
+) -> Surface:
+    """The surface with `target_faces` faces or one more; errors weigh as `importance` says.
 
     With more than that where no other edge may collapse. A surface that is not closed and manifold comes back
     as it is.
@@ -75,7 +81,7 @@ def decimate(surface: Surface, target_faces: int, config: DecimateConfig | None 
     if (twin < 0).any():
         return surface
     vertices = surface.vertices.copy()
-    quadric = face_quadrics(vertices, surface.faces)
+    quadric = face_quadrics(vertices, surface.faces) * importance(vertices)[:, None]
     limits = Limits(config.middle, config.largest_turn, config.thin)
     faces = collapse_edges(vertices, quadric, surface.faces, twin.astype(np.int32), target_faces, limits)
     return compact(vertices, faces)

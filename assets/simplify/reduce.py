@@ -10,6 +10,7 @@ rule, and changes nothing else, so charts need not wait for it.
 """
 
 from assets.field import Field
+from assets.mesh.importance import Importance, evenly
 from assets.mesh.surface import Surface, find_defects
 from assets.simplify.fit import fit
 from assets.simplify.flip import flip
@@ -18,16 +19,18 @@ from assets.simplify.simplify import SimplifyConfig, simplify
 SURPLUS = 1.25  # times the faces asked for are kept in the first round
 
 
-def reduce(dense: Surface, sdf: Field, faces: int) -> Surface:
-    """The surface at the number of faces asked for, near the zero level of `sdf` (metres), creases included.
+def reduce(dense: Surface, sdf: Field, faces: int, importance: Importance = evenly) -> Surface:
+    """The surface at the number of faces asked for, near the zero level of `sdf` (metres), creases included;
+    nearer where more counts.
 
     Raises:
         GeometryError: no method reached the number of faces with a closed manifold surface.
         FieldError: the field is NaN or infinite.
     """
-    more = simplify(dense, SimplifyConfig(target_faces=round(SURPLUS * faces)))
+    more = simplify(dense, SimplifyConfig(target_faces=round(SURPLUS * faces)), importance)
     laid = fit(flip(more, sdf), sdf)
-    simple = simplify(more if find_defects(laid) else laid, SimplifyConfig(target_faces=faces))
+    better = more if find_defects(laid) else laid
+    simple = simplify(better, SimplifyConfig(target_faces=faces), importance)
     turned = flip(simple, sdf)
     return simple if find_defects(turned) else turned
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from assets.errors import GeometryError
 from assets.mesh.clean import clean, from_pymeshlab, to_pymeshlab
+from assets.mesh.importance import Importance, evenly
 from assets.mesh.surface import Surface, euler_number, find_defects, volume
 from assets.simplify.decimate import decimate
 from avatargen.errors import InputError
@@ -44,8 +45,11 @@ class SimplifyConfig:
             raise InputError(f"simplifier: found {self.simplifier!r}, wanted one of {', '.join(SIMPLIFIERS)}")
 
 
-def simplify(surface: Surface, config: SimplifyConfig | None = None) -> Surface:
-    """A sound surface of `target_faces` triangles, within the tolerance and never more than were given.
+def simplify(
+    surface: Surface, config: SimplifyConfig | None = None, importance: Importance = evenly
+) -> Surface:
+    """A sound surface of `target_faces` triangles, within the tolerance and never more than were given. The
+    adaptive simplifier weighs errors by `importance`.
 
     A surface that already has no more than the target comes back as it is. Handles are kept where a way to
     the target keeps them.
@@ -58,7 +62,7 @@ def simplify(surface: Surface, config: SimplifyConfig | None = None) -> Surface:
         return surface
     slack = max(config.tolerance * config.target_faces, 2.0)
     closest, sound = len(surface.faces), None
-    for candidate in CANDIDATES[config.simplifier](surface, config.target_faces):
+    for candidate in CANDIDATES[config.simplifier](surface, config.target_faces, importance):
         count = len(candidate.faces)
         if abs(count - config.target_faces) <= slack and not find_defects(candidate):
             if euler_number(candidate) == euler_number(surface):
@@ -74,20 +78,21 @@ def simplify(surface: Surface, config: SimplifyConfig | None = None) -> Surface:
     )
 
 
-def by_any(surface: Surface, target_faces: int) -> Iterator[Surface]:
+def by_any(surface: Surface, target_faces: int, importance: Importance) -> Iterator[Surface]:
     """Ways to the target in the order of their worth, each repaired once if its result is not sound."""
-    yield decimate(surface, target_faces)
-    yield from by_fast_simplification(surface, target_faces)
-    yield from by_pymeshlab(surface, target_faces)
+    yield decimate(surface, target_faces, importance=importance)
+    yield from by_fast_simplification(surface, target_faces, importance)
+    yield from by_pymeshlab(surface, target_faces, importance)
 
 
-def by_fast_simplification(surface: Surface, target_faces: int) -> Iterator[Surface]:
-    """Ever more willing to change the topology."""
+def by_fast_simplification(surface: Surface, target_faces: int, _: Importance) -> Iterator[Surface]:
+    """Ever more willing to change the topology. All errors weigh the same."""
     for aggression in AGGRESSION:
         yield from with_repair(collapse_fast(surface, target_faces, aggression))
 
 
-def by_pymeshlab(surface: Surface, target_faces: int) -> Iterator[Surface]:
+def by_pymeshlab(surface: Surface, target_faces: int, _: Importance) -> Iterator[Surface]:
+    """All errors weigh the same."""
     yield from with_repair(collapse_carefully(surface, target_faces))
 
 
