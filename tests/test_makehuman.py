@@ -5,6 +5,7 @@ project is looked for.
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import igl
@@ -18,6 +19,7 @@ from avatargen.artist_wardrobe import ArtistWardrobe
 from avatargen.avatar import shipped
 from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
+from avatargen.body.skinning import unskin
 from avatargen.errors import InputError
 from avatargen.wardrobe.appearance import Dye, dyed, rgb_of
 from avatargen.wardrobe.attributes import LATENT_SIZE
@@ -25,7 +27,14 @@ from avatargen.wardrobe.dressed import under_hat
 from avatargen.wardrobe.lips import LIPS_Y, between_lips
 from avatargen.wardrobe.makehuman.choose import FULL_SIZE, draw_latent
 from avatargen.wardrobe.makehuman.emblems import EMBLEMS, paint_out
-from avatargen.wardrobe.makehuman.fit import at_rest, fit
+from avatargen.wardrobe.makehuman.fit import (
+    at_rest,
+    carried_weights,
+    fit,
+    hanging,
+    on_both_legs,
+    straight_legs,
+)
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_asset, load_folder
 from avatargen.wardrobe.makehuman.pattern import pattern_places, trim_texels, used_texels
@@ -79,6 +88,43 @@ def test_what_is_bound_to_the_bodys_own_vertices_lands_on_the_canonical_body(hm0
     assert np.abs(fit(hm08, alone, no_faces) - body.vertices[mine]).max() < 2e-6
 
 
+@pytest.fixture(scope="module")
+def skirt(hm08) -> tuple[Binding, np.ndarray]:
+    """A tube around both thighs, bound to their vertices."""
+    angle = np.arange(24) * 2 * np.pi / 24
+    heights = np.linspace(-0.25, 0.1, 8)
+    points = np.array([[0.2 * np.sin(a), y, 0.03 + 0.14 * np.cos(a)] for y in heights for a in angle])
+    body = np.flatnonzero(hm08.hm08_of_body >= 0)
+    nearest = hm08.hm08_of_body[body][KDTree(hm08.body_at_rest[body]).query(points)[1]]
+    binding = Binding(
+        name="", tags=(), mesh=Path(), material=None, z_depth=0, scales=(None, None, None),
+        indices=np.repeat(nearest[:, None], 3, axis=1), weights=np.tile([1.0, 0, 0], (len(points), 1)),
+        offsets=10 * (points - hm08.rest[nearest]), hidden=np.zeros(0, np.int64),
+    )  # fmt: skip
+    faces = []
+    for ring in range(7):
+        for i, k in zip(range(24), np.roll(range(24), -1), strict=True):
+            a, b, c, d = ring * 24 + i, ring * 24 + k, (ring + 1) * 24 + k, (ring + 1) * 24 + i
+            faces += [(a, b, c), (a, c, d)]
+    return binding, np.array(faces)
+
+
+def test_what_hangs_between_the_legs_comes_back_when_they_close(hm08, skirt):
+    binding, faces = skirt
+    rest, placed = at_rest(hm08, binding), fit(hm08, binding, faces)
+    hangs = hanging(hm08, rest, faces)
+    assert (hangs[rest[:, 1] < -0.15] == 1).all() and (hangs[rest[:, 1] > 0.08] == 0).all()
+    weights = on_both_legs(carried_weights(hm08, binding, faces), rest[:, 0], hangs)
+    assert np.abs(weights.sum(axis=1) - 1).max() < 1e-9
+    middle = (hangs == 1) & (np.abs(rest[:, 0]) < 1e-9)
+    assert middle.any() and np.abs(weights[middle, 1] - weights[middle, 2]).max() < 1e-9
+    straight = unskin(placed, weights, straight_legs())  # as an asset does it
+    hem = (rest[:, 1] < -0.24) & (rest[:, 2] > 0.1)
+    assert np.ptp(straight[hem, 1]) < 0.02 and np.ptp(placed[hem, 1]) > 0.04
+    apart = np.concatenate([faces[np.abs(rest[faces, 0]).min(axis=1) > 0.03]])
+    assert (hanging(hm08, rest, apart) == 0).all()  # two tubes are trousers
+
+
 def test_helper_geometry_is_carried_with_the_limbs(hm08, body):
     """Tights, skirt and hair helpers lie around the canonical body; the last eight mark the ground."""
     carried = np.einsum("vj,jab->vab", hm08.dense_weights, hm08.T_canonical_rest)
@@ -102,7 +148,12 @@ def test_a_garment_is_fitted_named_and_textured(hm08, tube, shirt):
 def test_a_solid_is_closed_and_its_sign_is_the_exact_winding_number(shirt):
     solid = Solid(garment=shirt)
     vertices, faces = solid.closed
-    assert len(boundary_loops(shirt.faces)) == 2 and boundary_loops(faces) == []
+    assert len(boundary_loops(shirt.faces)) == 2
+    walls = np.unique(
+        np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0, return_counts=True
+    )
+    open_edges = walls[0][walls[1] == 1]
+    assert (open_edges >= len(shirt.vertices)).all()  # along the middle, up and down again
     points = np.random.default_rng(0).uniform(vertices.min(0) - 0.04, vertices.max(0) + 0.04, (4000, 3))
     hit = solid.hit(points.astype(np.float32), reach=1.0)
     exact = np.asarray(igl.winding_number(vertices, faces, points)) > 0.5
@@ -111,6 +162,21 @@ def test_a_solid_is_closed_and_its_sign_is_the_exact_winding_number(shirt):
     assert np.abs(solid.hit(shirt.vertices).distance).max() < 1e-6
     squared = np.asarray(igl.point_mesh_squared_distance(points, vertices, faces)[0])
     assert np.abs(np.abs(hit.distance) - np.sqrt(squared)).max() < 1e-5
+
+
+def test_an_open_front_is_open_as_far_as_the_middle(shirt):
+    """The tube cut open in front: what is behind the gap is outside, the rest of the room inside; the hem is
+    flat."""
+    gap = (np.abs(shirt.vertices[shirt.faces][..., 0]) < 0.08).all(axis=1)
+    kept = ~(gap & (shirt.vertices[shirt.faces][..., 2] > 0).all(axis=1))
+    opened = Solid(garment=replace(shirt, faces=shirt.faces[kept], uv=shirt.uv[kept]))
+    assert len(opened.loops) == 1 and np.ptp(opened.garment.vertices[opened.loops[0], 1]) > 0.3
+    height = np.median(shirt.vertices[:, 1])
+    points = np.array([[0, height, 0.15], [0, height, -0.1], [0.15, height, 0.02]], np.float32)
+    assert (opened.hit(points, reach=1.0).distance > 0).tolist() == [True, False, False]
+    low = float(shirt.vertices[:, 1].min())
+    beneath = np.array([[0.1, low - 0.03, -0.03], [-0.1, low - 0.03, -0.03]], np.float32)
+    assert (opened.hit(beneath, reach=1.0).distance > 0.01).all()
 
 
 def test_the_way_to_an_edge_grows_from_the_rings_at_the_ends(shirt):

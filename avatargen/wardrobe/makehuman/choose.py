@@ -44,6 +44,10 @@ NEW = (
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
 THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the back
+BROWS = {  # of MakeHuman's, those that frown least
+    "woman": ("eyebrow001", "eyebrow004", "eyebrow006", "eyebrow008", "eyebrow011"),
+    "man": ("eyebrow001", "eyebrow004", "eyebrow008", "eyebrow010", "eyebrow012"),
+}
 HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
@@ -188,6 +192,7 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
     shades = [garments[n].own_color if c is None else c for n, c in zip(worn, colours, strict=True)]
     hair = hair_style(draw, garments, woman, dark)
     brows = [g.name for g in garments.values() if g.kind == "brows"]
+    brows = [name for name in brows if name in BROWS["woman" if woman else "man"]] or brows
     lashes = [g.name for g in garments.values() if g.kind == "lashes"]
     return Attributes(
         sex="woman" if woman else "man",

@@ -28,6 +28,8 @@ BROW_REACH = 0.006  # m between a brow's card and the skin under it
 LASH_REACH = 0.0016
 LASH_SHARE = 0.5
 SOFT = 5.0  # texels of MakeHuman's 512 that a brow's hairs are blurred by: ours are wider than a hair
+RAISED = 0.004  # m that a brow's end at the nose is drawn higher than its card lies: on our faces it frowns
+BETWEEN, OUT = 0.010, 0.035  # m from the middle of the face, where that is in full and where it ends
 BROWN = np.array([0.85, 0.52, 0.30])
 
 
@@ -99,7 +101,9 @@ class SkinPaint:
         """Hair drawn on the skin under a brow's card."""
         if self.brows is None or len(foot) == 0:
             return colour
-        alpha, distance = card_alpha(self.brows, self.brow_alpha, self.brow_tree, foot)
+        lower = foot.copy()
+        lower[:, 1] -= RAISED * (1 - smooth(np.abs(foot[:, 0]), BETWEEN, OUT))
+        alpha, distance = card_alpha(self.brows, self.brow_alpha, self.brow_tree, lower)
         share = (0.9 * np.minimum(1.8 * alpha, 1) * (1 - smooth(distance, 0.6 * BROW_REACH, BROW_REACH)))[
             :, None
         ]

@@ -78,9 +78,13 @@ class ArtistGarment:
         hidden = np.zeros(len(body.vertices), dtype=bool)
         hidden[garment.hidden] = True
         hit = self.solid.hit(body.vertices)
-        cloth = unit_normals(garment.vertices, garment.faces)[garment.faces[hit.face, 0]]
+        corners = garment.faces[hit.face]
+        cloth = unit_normals(garment.vertices, garment.faces)[corners[:, 0]]
         along = (cloth * unit_normals(body.vertices, body.faces)).sum(axis=1) > ALONG
-        return hidden | ((hit.rim > EDGE_ZONE) & (hit.distance < POKE) & along)
+        way = body.vertices - np.einsum("nk,nka->na", hit.barycentric, garment.vertices[corners])
+        before = (cloth * way).sum(axis=1) < ALONG * hit.distance  # as a hand is before a turned-in cuff
+        beside = (hit.distance > 0) & before
+        return hidden | ((hit.rim > EDGE_ZONE) & (hit.distance < POKE) & along & ~beside)
 
     @cached_property
     def opening(self) -> Opening | None:

@@ -1,8 +1,10 @@
 """A garment as a closed volume: where a point lies from its surface, and where on its texture.
 
-Cloth is an open sheet. Each of its openings is closed by a fan, so that the body within counts as inside; the
+Cloth is an open sheet. Each of its openings is closed by a lid, so that the body within counts as inside; the
 sign is the winding number (Jacobson et al. 2013, Barill et al. 2018), which is right also where pieces of
-cloth overlap. What the fans add is inside the body or in the shadow of a hem.
+cloth overlap. A lid joins every vertex of the edge to a point level with it in the middle: flat where the
+edge lies in a plane, and between the halves of an open front there is a gap as deep as that, in which a shirt
+is seen. What lids add is inside the body or in the shadow of a hem.
 """
 
 from dataclasses import dataclass
@@ -23,7 +25,7 @@ class GarmentHit:
     """Points as a garment sees them."""
 
     distance: Float32[np.ndarray, " N"]  # m, negative inside
-    rim: Float32[np.ndarray, " N"]  # m along the cloth from the closest point to an edge; 0 on the fans
+    rim: Float32[np.ndarray, " N"]  # m along the cloth from the closest point to an edge; 0 on the lids
     face: Int64[np.ndarray, " N"]  # of the sheet, the closest one
     barycentric: Float64[np.ndarray, "N 3"]
 
@@ -56,6 +58,13 @@ def boundary_loops(faces: Int64[np.ndarray, "F 3"]) -> list[Int64[np.ndarray, " 
     return loops
 
 
+def lid(edge: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+    """Where each vertex of an opening's edge is joined to: level with it, on the upright line in the edge's
+    middle."""
+    middle = (edge.min(axis=0) + edge.max(axis=0)) / 2
+    return np.stack([np.full(len(edge), middle[0]), edge[:, 1], np.full(len(edge), middle[2])], axis=1)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solid:
     """A fitted garment as a volume."""
@@ -68,18 +77,20 @@ class Solid:
 
     @cached_property
     def closed(self) -> tuple[Float64[np.ndarray, "W 3"], Int64[np.ndarray, "G 3"]]:
-        """Vertices and faces of the sheet, then of the fans."""
-        vertices, faces = self.garment.vertices.astype(np.float64), self.garment.faces
-        centres, fans = [], []
+        """Vertices of the sheet, then of the lids; faces likewise."""
+        vertices, faces = self.garment.vertices.astype(np.float64), [self.garment.faces]
+        parts, count = [vertices], len(vertices)
         for loop in self.loops:
-            centre = len(vertices) + len(centres)
-            centres.append(vertices[loop].mean(axis=0))
-            fans.append(np.stack([np.roll(loop, -1), loop, np.full(len(loop), centre)], axis=1))
-        return np.concatenate([vertices, *[c[None] for c in centres]]), np.concatenate([faces, *fans])
+            parts.append(lid(vertices[loop]))
+            inner = count + np.arange(len(loop))
+            after, inner_after = np.roll(loop, -1), np.roll(inner, -1)
+            faces += [np.stack([after, loop, inner], axis=1), np.stack([after, inner, inner_after], axis=1)]
+            count += len(loop)
+        return np.concatenate(parts), np.concatenate(faces)
 
     @cached_property
     def rims(self) -> Float64[np.ndarray, " W"]:
-        """Each vertex's way along the cloth to its nearest edge, m; 0 in the fans."""
+        """Each vertex's way along the cloth to its nearest edge, m; 0 in the lids."""
         vertices, _ = self.closed
         faces = self.garment.faces
         ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -133,10 +144,10 @@ class Solid:
             squared, closest, corners = self.closed_tree.query(asked)
             inside = np.asarray(igl.fast_winding_number(vertices, faces, asked)) > 0.5
             distance[near] = np.where(inside, -1, 1) * np.sqrt(squared)
-            on_fan = closest >= len(self.garment.faces)
-            rim[near] = np.where(on_fan, 0, (self.rims[faces[closest]] * corners).sum(axis=1))
-            if on_fan.any():  # colours are those of the cloth nearest by
-                _, again, weights = self.sheet_tree.query(asked[on_fan])
-                closest[on_fan], corners[on_fan] = again, weights
+            on_lid = closest >= len(self.garment.faces)
+            rim[near] = np.where(on_lid, 0, (self.rims[faces[closest]] * corners).sum(axis=1))
+            if on_lid.any():  # colours are those of the cloth nearest by
+                _, again, weights = self.sheet_tree.query(asked[on_lid])
+                closest[on_lid], corners[on_lid] = again, weights
             face[near], barycentric[near] = closest, corners
         return GarmentHit(distance=distance, rim=rim, face=face, barycentric=barycentric)
