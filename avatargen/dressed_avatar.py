@@ -181,13 +181,12 @@ def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = N
         InputError: a file is missing or damaged, or the weights fit neither this body nor the default one.
     """
     checkpoint = load_dressed(weights)
-    generator, config = checkpoint.generator, checkpoint.generator.config
+    config = checkpoint.config
     source = body if isinstance(body, Body) else load_body(body or shipped("body.npz"))
     canonical = canonical_body(source)
     own_body = body_hash(canonical) == config.body_hash
     trained = canonical if own_body else trained_body(config.body_hash)
     offset = (trained.joints[0] - canonical.joints[0]).astype(np.float32)
-    reach = generator.inverse_reach.numpy().astype(np.float64)
     low = np.minimum(np.array(LOW) - offset, canonical.vertices.min(axis=0) - BOX_MARGIN)
     high = np.maximum(np.array(HIGH) - offset, canonical.vertices.max(axis=0) + BOX_MARGIN)
     return DressedSampler(
@@ -197,8 +196,8 @@ def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = N
         fitted=trained,
         own_body=own_body,
         offset=offset,
-        ready=cache(lambda name: ready_garment(generator.garment(name), trained.faces, reach, config.cell)),
-        skin=ready_skin(generator.skin, config.skin, trained, load_hm08()),
+        ready=cache(lambda name: ready_garment(checkpoint.garment(name), trained.faces)),
+        skin=ready_skin(checkpoint.skin(), config.skin, trained, load_hm08()),
         bounds=np.stack([low, high]).astype(np.float32),
         sizing=Sizing(source) if own_body else None,
         weights_hash=checkpoint.weights_hash,

@@ -19,7 +19,7 @@ from avatargen.body.model import canonical_body
 from avatargen.commands import main
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
-from avatargen.generator.dressed.checkpoint import PACKED, load_dressed, packed, unpacked
+from avatargen.generator.dressed.checkpoint import load_dressed, packed, unpacked
 from avatargen.generator.dressed.config import TableConfig
 from avatargen.generator.dressed.lattice import at_points, lattice, node_places
 from avatargen.generator.dressed.tables import Table
@@ -47,7 +47,7 @@ from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from tests.small_wardrobe import write_skins, write_tube
 
 CONFIG = PeopleConfig(
-    learning=LearningConfig(points=60_000, steps=300, batch=2048),
+    learning=LearningConfig(cloth=0.008, small=0.006),
     skin=SkinCut(patterns=6, body=1, hands=1, head=2, drawn=1),
 )
 
@@ -240,34 +240,38 @@ def test_another_body_wears_the_same(run):
 
 
 def changed(run: Path, out: Path, change) -> Path:
-    """The generator's file with its tensors or its settings changed."""
+    """The generator's file with the tube's tensors or the settings changed."""
     with safe_open(run / "generator.safetensors", framework="pt") as file:
-        tensors = unpacked({PACKED: file.get_tensor(PACKED)}, "it")
+        parts = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dictionary
         metadata = dict(file.metadata())
-    settings = json.loads(metadata["config"])
-    change(tensors, settings)
-    save_file({PACKED: packed(tensors)}, out, metadata | {"config": json.dumps(settings)})
+    settings, tube = json.loads(metadata["config"]), unpacked(parts["garments.tube"], "it")
+    change(tube, settings)
+    parts["garments.tube"] = packed(tube)
+    save_file(parts, out, metadata | {"config": json.dumps(settings)})
     return out
 
 
 def test_bytes_that_are_no_weights_end_in_one_sentence(run, tmp_path):
     with safe_open(run / "generator.safetensors", framework="pt") as file:
-        whole, metadata = file.get_tensor(PACKED), dict(file.metadata())
-    cut, other = whole[: len(whole) // 2].clone(), torch.zeros(64, dtype=torch.uint8)
-    for tensors in ({PACKED: cut}, {PACKED: other}, {"else": other}):
-        save_file(tensors, tmp_path / "w.safetensors", metadata)
-        with pytest.raises(InputError, match="is damaged"):
-            load_dressed(tmp_path / "w.safetensors")
-    assert len(whole) < 0.9 * sum(t.numel() for t in unpacked({PACKED: whole}, "it").values())
+        tube, skin, metadata = file.get_tensor("garments.tube"), file.get_tensor("skin"), file.metadata()
+    for bad, message in ((tube[: len(tube) // 2].clone(), "cut off"), (torch.zeros(64).byte(), "is damaged")):
+        save_file({"garments.tube": bad, "skin": skin}, tmp_path / "w.safetensors", metadata)
+        with pytest.raises(InputError, match=message):
+            load_dressed(tmp_path / "w.safetensors").garment("tube")
+    save_file({"garments.tube": tube}, tmp_path / "w.safetensors", metadata)
+    with pytest.raises(InputError, match="lacks 1 parts, first skin"):
+        load_dressed(tmp_path / "w.safetensors")
+    assert len(tube) < 0.4 * sum(t.numel() for t in unpacked(tube, "it").values())
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t, s: t.pop("inverse_reach"), "lacks 1 tensors, first inverse_reach"),
-        (lambda t, s: t["garments.tube.network.layers.0.weight"].fill_(float("nan")), "NaN"),
-        (lambda t, s: s.update(cell=0.0), "the grid is out of range"),
-        (lambda t, s: s["garments"][0].update(width=10**9), "is out of range"),
+        (lambda t, s: t.pop("hidden"), "lacks 1 tensors, first hidden"),
+        (lambda t, s: t["places.scale"].fill_(float("nan")), "NaN"),
+        (lambda t, s: s["garments"][0]["volume"].update(cell=0.0), "is out of range"),
+        (lambda t, s: s["garments"][0]["volume"].update(blocks=[10**9] * 3), "is out of range"),
+        (lambda t, s: s["garments"][0]["volume"].update(colors=2), "of 2 colours is out of range"),
         (lambda t, s: s["garments"].append(s["garments"][0]), "not of different names"),
         (lambda t, s: s["skin"].update(skins=[]), "out of range"),
         (lambda t, s: s.update(colour=1), "unknown settings"),
@@ -275,7 +279,7 @@ def test_bytes_that_are_no_weights_end_in_one_sentence(run, tmp_path):
 )
 def test_damaged_weights_end_in_one_sentence(run, tmp_path, change, message):
     with pytest.raises(InputError, match=message):
-        load_dressed(changed(run, tmp_path / "w.safetensors", change))
+        load_dressed(changed(run, tmp_path / "w.safetensors", change)).garment("tube")
 
 
 def test_the_command_learns_and_says_where(wardrobe, run, tmp_path, capsys):

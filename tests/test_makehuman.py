@@ -39,10 +39,10 @@ from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_asset, load_folder
 from avatargen.wardrobe.makehuman.pattern import pattern_places, trim_texels, used_texels
 from avatargen.wardrobe.makehuman.person import ArtistGarment, unit_normals
-from avatargen.wardrobe.makehuman.pool import make_pool
 from avatargen.wardrobe.makehuman.read import Binding, read_binding, read_mesh
 from avatargen.wardrobe.makehuman.solid import Solid, boundary_loops
 from avatargen.wardrobe.makehuman.strands import CELL, Strands
+from avatargen.wardrobe.makehuman.truth import ClothTruth
 from tests.small_wardrobe import AROUND, RINGS, write_tube
 
 REAL = Path(
@@ -193,17 +193,19 @@ def test_pattern_places_are_metres(shirt):
     assert 0.5 < np.median(laid / true) < 2
 
 
-def test_a_pool_is_the_solid_s_own_field(shirt, body):
-    own = ArtistGarment(solid=Solid(garment=shirt), body=body).own
-    pool, again = (make_pool(shirt, own, body.distance, 3000) for _ in range(2))
-    for name in ("points", "distance", "color", "sewn", "body", "face", "barycentric"):
-        assert (getattr(pool, name) == getattr(again, name)).all()
-    assert np.array_equal(pool.distance, Solid(garment=shirt).hit(pool.points, reach=1.0).distance)
-    assert 0.2 < (pool.distance < 0).mean() < 0.8 and np.median(np.abs(pool.distance)) < 0.01
-    assert abs(pool.sewn[:, 0].min()) < 1e-12 and (pool.color[:, 3] == 1).all()
-    foot = np.einsum("nk,nka->na", pool.barycentric, body.vertices[body.faces[pool.face]])
-    way = np.linalg.norm(foot - pool.points, axis=1)
-    assert np.abs(way - np.abs(pool.body)).max() < 1e-5
+def test_the_truth_of_cloth_is_asked_of_its_solid(shirt, body):
+    truth = ClothTruth(made=ArtistGarment(solid=Solid(garment=shirt), body=body))
+    points, places = truth.surface(3000, np.random.default_rng(0))
+    again, _ = truth.surface(3000, np.random.default_rng(0))
+    distance, rim = truth.ask(points.astype(np.float32))
+    assert (points == again).all() and np.abs(distance).max() < 1e-6 and (rim >= 0).all()
+    assert np.ptp(places, axis=0).min() > 0.2
+    low, high = truth.box
+    assert (points >= low - 1e-9).all() and (points <= high + 1e-9).all()
+    seen, color = truth.seen(3000, np.random.default_rng(1))
+    assert len(seen) == len(color) > 2900 and color.shape[1] == 3  # a tube hides nothing of itself
+    shade = (seen[:, 1] - seen[:, 1].min()) / np.ptp(seen[:, 1])  # its texture grows brighter along it
+    assert abs(np.corrcoef(shade, color[:, 0])[0, 1]) > 0.95
 
 
 def test_strands_fill_down_to_the_head(body):
@@ -259,8 +261,8 @@ def test_dyeing_moves_the_middle_and_keeps_what_differs():
 def test_prints_lie_on_the_cloth_by_its_metres_and_leave_trim():
     white = np.ones((600, 4), np.float32) * 0.9
     white[:, 3] = 0
-    sewn = np.zeros((600, 3))
-    sewn[:, 1] = np.linspace(0, 0.3, 600)
+    sewn = np.zeros((600, 2))
+    sewn[:, 0] = np.linspace(0, 0.3, 600)
     dye = Dye(middle=(90.0, 0.0, 0.0), dye=(0.1, 0.1, 0.4), kind="across", ink=(0.8, 0.1, 0.1), width=0.01)
     plain = Dye(middle=(90.0, 0.0, 0.0), dye=(0.1, 0.1, 0.4), kind="plain", ink=(0.8, 0.1, 0.1), width=0.01)
     red = dye.color(white, sewn)[:, 1] < 0.5

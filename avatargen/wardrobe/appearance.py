@@ -25,10 +25,10 @@ class Appearance(Protocol):
     """Colours on one person from the artist's own."""
 
     def color(
-        self, own: Float[np.ndarray, "N c"], sewn: Float[np.ndarray, "N 3"]
+        self, own: Float[np.ndarray, "N c"], places: Float[np.ndarray, "N 2"]
     ) -> Float[np.ndarray, "N 3"]:
-        """`own` is the artist's colour and, where trim keeps its own, how far a dye takes; `sewn` the way to
-        an edge, and the place along and across the cloth, m."""
+        """`own` is the artist's colour and, where trim keeps its own, how far a dye takes; `places` the
+        places along and across the cloth, m."""
         ...
 
 
@@ -45,7 +45,7 @@ class Dye:
     width: float
 
     def color(
-        self, own: Float[np.ndarray, "N c"], sewn: Float[np.ndarray, "N 3"]
+        self, own: Float[np.ndarray, "N c"], places: Float[np.ndarray, "N 2"]
     ) -> Float[np.ndarray, "N 3"]:
         colour = own[:, :3]
         if self.dye is not None:
@@ -54,7 +54,7 @@ class Dye:
         if self.kind == "plain":
             return colour
         usual = rgb_of(np.array(self.middle)[None])[0] if self.dye is None else np.array(self.dye)
-        return printed(colour, sewn[:, 1:], self.kind, self.ink, self.width, float(usual.mean()))
+        return printed(colour, places, self.kind, self.ink, self.width, float(usual.mean()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,7 @@ class HairDye:
     dye: Rgb
 
     def color(
-        self, own: Float[np.ndarray, "N c"], sewn: Float[np.ndarray, "N 3"]
+        self, own: Float[np.ndarray, "N c"], places: Float[np.ndarray, "N 2"]
     ) -> Float[np.ndarray, "N 3"]:
         return np.array(self.dye) * (1 + 0.75 * (own[:, :3] - 1)).clip(0.45, 1.7)
 

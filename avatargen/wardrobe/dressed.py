@@ -188,9 +188,7 @@ def asked(
     distance[~wanted] = FAR
     if len(index):
         found = layer.cloth(points[index], chosen(hit, index), coloured=coloured)
-        near = distance[index]  # far off, networks guess, and are no nearer than this
-        distance[index] = np.where(near > 0, np.maximum(found.distance, near), found.distance)
-        rim[index] = found.rim
+        distance[index], rim[index] = found.distance, found.rim
         if coloured:
             colour[index] = found.color
     return Cloth(distance=distance, rim=rim, color=colour)

@@ -1,5 +1,5 @@
 """Settings of a generator of dressed people: what it knows of each garment, each skin and each iris by name,
-and how large their networks and tables are."""
+and how large their volumes and tables are."""
 
 import math
 from dataclasses import dataclass
@@ -33,33 +33,47 @@ class TableConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GarmentConfig:
-    """One garment, or one style of hair. `low` and `high` are the corners of the cube it reads points in,
-    metres. `middle` is the median of its own colours, CIELAB.
+class VolumeConfig:
+    """A grid about a garment, in blocks of 4 x 4 x 4 nodes: `blocks` along each axis from `low` (m) on, of
+    which `count` are kept; nodes stand `cell` metres apart. `colors` is 1 of hair (a shade of 0..2), 3 of
+    cloth, 4 where a dye does not take everywhere.
     """
+
+    low: tuple[float, float, float]
+    cell: float
+    blocks: tuple[int, int, int]
+    count: int
+    colors: int
+
+    def __post_init__(self) -> None:
+        sound = all(map(math.isfinite, self.low)) and 0.0005 <= self.cell <= 0.1
+        sound = sound and all(1 <= blocks <= MAX_SIZE for blocks in self.blocks)
+        if not sound or not 1 <= self.count <= math.prod(self.blocks) <= MAX_NODES:
+            raise InputError(f"weights: {self} {DAMAGED}")
+        if self.colors not in (1, 3, 4):
+            raise InputError(f"weights: a volume of {self.colors} colours {DAMAGED}")
+
+    @property
+    def brightest(self) -> float:
+        """The largest of its colours."""
+        return 2.0 if self.colors == 1 else 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GarmentConfig:
+    """One garment, or one style of hair. `middle` is the median of its own colours, CIELAB."""
 
     name: str
     kind: str
     tags: tuple[str, ...]
-    features: TableConfig  # what the network reads
-    sewn: TableConfig  # way to an edge, and place along and across the cloth, m
-    paint: TableConfig  # colours, and how far a dye takes where that is not everywhere
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    volume: VolumeConfig
+    places: TableConfig  # along and across the cloth, m
     middle: tuple[float, float, float]
-    width: int = 64
-    depth: int = 3  # hidden layers
-    frequencies: int = 6  # of the encoded point
     opening: tuple[float, ...] | None = None  # of a hat: a point of the plane of its edge (m), its normal
 
     def __post_init__(self) -> None:
-        sizes = (self.width, self.depth)
-        if not all(1 <= size <= MAX_SIZE for size in sizes) or not 0 <= self.frequencies <= 12:
-            raise InputError(f"weights: a size of {self.name} {DAMAGED}")
-        if not all(map(math.isfinite, (*self.low, *self.high, *self.middle))) or not all(
-            a < b for a, b in zip(self.low, self.high, strict=True)
-        ):
-            raise InputError(f"weights: the box of {self.name} {DAMAGED}")
+        if not all(map(math.isfinite, self.middle)):
+            raise InputError(f"weights: the colours of {self.name} {DAMAGED.replace('is', 'are')}")
         if self.opening is not None and not (
             len(self.opening) == 6 and all(map(math.isfinite, self.opening))
         ):
@@ -70,11 +84,6 @@ class GarmentConfig:
         """The median of its own colours, sRGB 0..1."""
         r, g, b = rgb_of(np.array(self.middle)[None])[0].tolist()
         return (r, g, b)
-
-    @property
-    def inputs(self) -> int:
-        """Numbers that the network reads at a point."""
-        return 3 + self.features.numbers + 3 * (1 + 2 * self.frequencies)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,12 +116,11 @@ class DressedConfig:
     body_hash: str
     vertex_count: int
     face_count: int
-    cell: float = 0.04  # metres; spacing of the grid that says where each garment may be
 
     def __post_init__(self) -> None:
         names = [garment.name for garment in self.garments]
         counts = (self.vertex_count, self.face_count)
         if len(set(names)) < len(names):
             raise InputError(f"weights: {names} are not of different names; download the weights anew")
-        if not all(1 <= count <= MAX_NODES for count in counts) or not 0.005 <= self.cell <= 0.5:
-            raise InputError(f"weights: a count or the grid {DAMAGED}")
+        if not all(1 <= count <= MAX_NODES for count in counts):
+            raise InputError(f"weights: a count {DAMAGED}")

@@ -33,6 +33,9 @@ def place(i: Int[np.ndarray, "*m"], j: Int[np.ndarray, "*m"], n: int) -> Int[np.
 def lattice(faces: Int[np.ndarray, "F 3"], covered: Bool[np.ndarray, " F"], segments: int) -> Lattice:
     """The nodes of the covered faces."""
     n = segments
+    if not covered.any():
+        blank = np.zeros((len(faces), (n + 1) * (n + 2) // 2), np.int32)
+        return Lattice(segments=n, face_nodes=blank, count=1)
     inside = faces[covered]
     size = int(faces.max()) + 1
     pairs = [(inside[:, a], inside[:, b]) for a, b in ((0, 1), (0, 2), (1, 2))]

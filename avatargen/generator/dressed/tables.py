@@ -62,23 +62,14 @@ class Surface:
     def at(self, hit: BodyHit) -> Float32[np.ndarray, "N K"]:
         """The numbers at body points."""
         found = np.zeros((len(hit.face), self.values.shape[1]), np.float32)
-        whole = np.ones(len(hit.face), np.float32)
-        self.fill(hit, whole, found, 0)
+        fill_numbers(hit.face, hit.barycentric, self.segments, self.face_nodes, self.values, found)
         return found
-
-    def fill(
-        self, hit: BodyHit, share: Float32[np.ndarray, " N"], rows: Float32[np.ndarray, "N I"], column: int
-    ) -> None:
-        """Put a share of the numbers at body points into rows, from a column on."""
-        fill_features(
-            hit.face, hit.barycentric, share, self.segments, self.face_nodes, self.values, rows, column
-        )
 
 
 @compiled
-def fill_features(face, barycentric, share, n, face_nodes, values, rows, start):
-    """Fill in `rows` [N I], from column `start`, a share [N] of a table's numbers at the closest body points:
-    a face [N] cut into n x n, and weights [N 3].
+def fill_numbers(face, barycentric, n, face_nodes, values, found):
+    """Fill in a table's numbers [N K] at the closest body points: a face [N] cut into n x n, and weights
+    [N 3].
 
     `face_nodes` [F M]; `values` [nodes K], node 0 without any.
     """
@@ -96,24 +87,8 @@ def fill_features(face, barycentric, share, n, face_nodes, values, rows, start):
         else:
             a, b, c = face_nodes[f, up - 1], face_nodes[f, right], face_nodes[f, up]
             of_a, of_b, of_c = 1 - u - v, u, v
-        of_a = np.float32(of_a * share[row] if a > 0 else 0.0)
-        of_b = np.float32(of_b * share[row] if b > 0 else 0.0)
-        of_c = np.float32(of_c * share[row] if c > 0 else 0.0)
+        of_a = np.float32(of_a if a > 0 else 0.0)
+        of_b = np.float32(of_b if b > 0 else 0.0)
+        of_c = np.float32(of_c if c > 0 else 0.0)
         for k in range(values.shape[1]):
-            rows[row, start + k] = of_a * values[a, k] + of_b * values[b, k] + of_c * values[c, k]
-
-
-@compiled
-def fade_out(distance, faces, face, barycentric, inverse_reach, faded):
-    """Fill in what is left of features at each point [N]: 1 on the body, 0 at its reach.
-
-    `distance` [N] metres to the body, the closest point by its face [N] and weights [N 3]; `inverse_reach`
-    [V] 1/m.
-    """
-    for i in range(len(distance)):
-        f = face[i]
-        reach = 0.0
-        for k in range(3):
-            reach += barycentric[i, k] * inverse_reach[faces[f, k]]
-        share = min(max(distance[i], 0.0) * reach, 1.0)
-        faded[i] = (1 - share * share) ** 2
+            found[row, k] = of_a * values[a, k] + of_b * values[b, k] + of_c * values[c, k]

@@ -1,154 +1,44 @@
-"""One garment learns: tables are fitted to what was seen, and a network and its features learn the distance.
+"""One garment is learned: its numbers are asked where its surface is, and its colours fitted to what is seen.
 
-    pool of points --least squares--> way to an edge, place on the cloth, paint
-    body's distance, features, place in space --network--> distance
+    box --every fourth node--> coarse distances --near zero--> blocks --every node--> distance, way to an edge
+    points of the surface that are seen --least squares--> colours of the nodes around them
 
-Letters: P points of the pool, N points of a step, K features. Metres.
+Letters: N points, V nodes, X Y Z blocks along the axes. Metres.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
-from torch import Tensor, nn
-from torch.nn import functional as F
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int64
+from scipy.spatial import KDTree
+from torch import Tensor
 
-from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
-from avatargen.generator.decoder import distance_features, encode, fade
-from avatargen.generator.dressed.config import GarmentConfig, TableConfig
-from avatargen.generator.dressed.lattice import Lattice, at_points, lattice, node_places
-from avatargen.generator.dressed.network import GarmentNetwork, signed_distance
+from avatargen.generator.dressed.config import GarmentConfig, TableConfig, VolumeConfig
+from avatargen.generator.dressed.lattice import lattice
+from avatargen.generator.dressed.volume import RIM, SIDE, Volume
 from avatargen.training.dressed.painting import fit_nodes, fitted
-from avatargen.wardrobe.makehuman.pool import PointPool
+from avatargen.wardrobe.makehuman.truth import Truth, about
 
-Colors = Callable[[int], tuple[Float[np.ndarray, "N 4"], BodyHit]]  # of as many points of the surface
-
-POINTS_PER_NODE = 8
-HELD_OUT = 20_000  # points that are not learned from
-CERTAIN = 0.004  # m from the surface over which what is painted counts less and less
-BESIDE = 0.015  # m from the surface within which a face of the body gets numbers of its own
-UNIT = 0.01  # m, of the loss
-GHOST = 0.003  # m, well outside
-RIM = 0.03  # m, the longest way to an edge that matters
+MARGIN = 0.05  # m of the grid around a garment
+ROUNDS = 5  # of conjugate gradients for colours: more make colours of the rainbow where texels jump
+SEGMENTS = 3  # of a face of the body under the table of places
+PER_CELL = 4  # points of the surface for each cell that it crosses
+PER_FACE = 30  # points of the cloth for each face of the body under it
+FADED = 1.5  # cells from the surface beyond which a node's colour is hardly seen
+HELD_OUT = 20_000  # points that say how well it went
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+AROUND = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningConfig:
-    """Settings of a garment's learning."""
+    """How finely garments are learned: metres between nodes."""
 
-    points: int = 450_000  # of the pool
-    steps: int = 2000
-    batch: int = 4096  # points a step
-    learning_rate: float = 5e-3
-    final_learning_rate: float = 0.01  # of the first one
-    band: float = 0.02  # m around the surface where distances count in full
-    far_weight: float = 0.3  # of distances beyond it
-    seed: int = 0
-
-    def rate(self, step: int) -> float:
-        """The learning rate of a step: a short rise, then half a cosine."""
-        last = self.final_learning_rate
-        share = last + (1 - last) * 0.5 * (1 + math.cos(math.pi * step / self.steps))
-        return self.learning_rate * share * min(1, (step + 1) / 100)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cut:
-    """How finely a garment's tables are cut, how much its network reads of a node, how large it is."""
-
-    features: int = 12
-    coarse: int = 2  # segments under the features
-    fine: int = 6  # segments under the paint
-    width: int = 96  # of the network
-    frequencies: int = 8  # of the encoded point
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Lesson:
-    """A pool with what the tables are read for there."""
-
-    pool: PointPool
-    points: Float[Tensor, "P 3"]
-    distance: Float[Tensor, " P"]
-    color: Float[Tensor, "P 4"]
-    body: Float[Tensor, " P"]
-    faded: Float[Tensor, " P"]
-    coarse: tuple[Int[Tensor, "P 3"], Float[Tensor, "P 3"]]
-    fine: tuple[Int[Tensor, "P 3"], Float[Tensor, "P 3"]]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Learned:
-    """What a garment's learning gives: values of its tables, and errors at points held out."""
-
-    config: GarmentConfig
-    network: GarmentNetwork
-    features: Float[Tensor, "n K"]
-    sewn: Float[Tensor, "n 3"]
-    paint: Float[Tensor, "m c"]
-    covered: Bool[np.ndarray, " F"]
-    errors: dict[str, float]
-
-
-def covered_faces(pool: PointPool, faces: Int[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
-    """The body's faces that the garment's surface lies over, and those around them."""
-    near = np.abs(pool.distance) < BESIDE
-    seen = np.zeros(len(faces), dtype=bool)
-    seen[pool.face[near]] = True
-    for _ in range(2):
-        touched = np.zeros(int(faces.max()) + 1, dtype=bool)
-        touched[faces[seen]] = True
-        seen = touched[faces].any(axis=1)
-    return np.asarray(seen)
-
-
-def lesson_of(
-    pool: PointPool, body: CanonicalBody, inverse_reach: Float[Tensor, " V"], tables: tuple[Lattice, Lattice]
-) -> Lesson:
-    """The pool's points as the tables see them."""
-    face, barycentric = torch.from_numpy(pool.face), torch.from_numpy(pool.barycentric)
-    distance = torch.from_numpy(pool.body)
-    reach = (inverse_reach[torch.from_numpy(body.faces)[face]] * barycentric).sum(dim=1)
-    read = [at_points(torch.from_numpy(t.face_nodes), t.segments, face, barycentric) for t in tables]
-    return Lesson(
-        pool=pool,
-        points=torch.from_numpy(pool.points),
-        distance=torch.from_numpy(pool.distance),
-        color=torch.from_numpy(pool.color),
-        body=distance,
-        faded=fade(distance[None], reach[None])[0],
-        coarse=(read[0][0].int(), read[0][1].float()),
-        fine=(read[1][0].int(), read[1][1].float()),
-    )
-
-
-def cube(points: np.ndarray) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """The smallest cube around points with their middle: one scale on all axes."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = (low + high) / 2, float((high - low).max()) / 2
-    corners = np.round([middle - half, middle + half], 4).tolist()
-    return tuple(corners[0]), tuple(corners[1])
-
-
-def painted_at(
-    lattice_: Lattice,
-    reading: tuple[Tensor, Tensor],
-    values: np.ndarray,
-    certain: np.ndarray,
-    body: CanonicalBody,
-) -> Float[Tensor, "n k"]:
-    """Values at the lattice's nodes that fit those at points."""
-    places = node_places(body.vertices, body.faces, lattice_)
-    return torch.from_numpy(fit_nodes(reading[0].numpy(), reading[1].numpy(), certain, values, places))
-
-
-def mixed(table: Float[Tensor, "n K"], reading: tuple[Tensor, Tensor], index: Tensor) -> Float[Tensor, "N K"]:
-    """A table's numbers at some points."""
-    return F.embedding_bag(reading[0][index], table, per_sample_weights=reading[1][index], mode="sum")
+    cloth: float = 0.0045
+    small: float = 0.0035  # of what sits on heads and feet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,128 +51,233 @@ class Named:
     middle: tuple[float, float, float]
 
 
-class Student(nn.Module):
-    """A garment's network with the features that it reads, asked at points of a lesson."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Learned:
+    """What a garment's learning gives, and its errors at points held out."""
 
-    def __init__(self, config: GarmentConfig, lesson: Lesson) -> None:
-        super().__init__()
-        self.config, self.lesson = config, lesson
-        self.features = nn.Parameter(torch.randn(config.features.nodes, config.features.numbers) * 0.1)
-        self.network = GarmentNetwork(config)
-        self.low, self.size = torch.tensor(config.low), torch.tensor(config.high) - torch.tensor(config.low)
+    config: GarmentConfig
+    volume: Volume
+    places: Float[Tensor, "n 2"]
+    covered: Bool[np.ndarray, " F"]
+    errors: dict[str, float]
 
-    def forward(self, index: Int[Tensor, " N"]) -> Float[Tensor, " N"]:
-        """Signed distance at some points, m."""
-        lesson, distance = self.lesson, self.lesson.body[index]
-        place = (lesson.points[index] - self.low) / self.size * 2 - 1
-        read = mixed(self.features, lesson.coarse, index) * lesson.faded[index, None]
-        seen = [distance_features(distance[None])[0], read, encode(place[None], self.config.frequencies)[0]]
-        return signed_distance(self.network(torch.cat(seen, dim=-1)), distance)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grid:
+    """Nodes about a garment, `cell` apart from `low` on; a node has three whole numbers, and one."""
+
+    low: Float64[np.ndarray, "3"]
+    cell: float
+    blocks: Int64[np.ndarray, "3"]
+
+    def number(self, nodes: Int[np.ndarray, "*n 3"]) -> Int64[np.ndarray, "*n"]:
+        size = SIDE * self.blocks + 1
+        return (nodes[..., 0] * size[1] + nodes[..., 1]) * size[2] + nodes[..., 2]
+
+    def nodes(self, number: Int64[np.ndarray, "*n"]) -> Int64[np.ndarray, "*n 3"]:
+        size = SIDE * self.blocks + 1
+        return np.stack(np.unravel_index(number, tuple(size)), axis=-1)
+
+    def place(self, nodes: Int[np.ndarray, "*n 3"]) -> Float32[np.ndarray, "*n 3"]:
+        return (self.low + self.cell * nodes).astype(np.float32)
+
+    def cells(self, points: Float[np.ndarray, "N 3"]) -> tuple[Int64[np.ndarray, "N 3"], np.ndarray]:
+        """The lowest node of the cell around each point, and where in the cell it lies."""
+        at = (points - self.low) / self.cell
+        low = np.floor(at).astype(np.int64)
+        return low, at - low
+
+
+def grid_about(box: Float64[np.ndarray, "2 3"], cell: float) -> Grid:
+    """A grid of whole blocks around a box."""
+    blocks = np.ceil((box[1] - box[0] + 2 * MARGIN) / (SIDE * cell)).astype(np.int64)
+    low = box.mean(axis=0) - 0.5 * SIDE * cell * blocks
+    return Grid(low=np.round(low, 4), cell=cell, blocks=blocks)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Answers:
+    """What was asked of a garment at nodes, by number."""
+
+    number: Int64[np.ndarray, " V"]
+    distance: Float32[np.ndarray, " V"]
+    rim: Float32[np.ndarray, " V"]
+
+    def at(self, number: Int64[np.ndarray, "*n"]) -> Int64[np.ndarray, "*n"]:
+        """Their rows."""
+        return np.searchsorted(self.number, number)
+
+
+def ask_nodes(truth: Truth, grid: Grid, known: Answers | None, number: Int64[np.ndarray, " n"]) -> Answers:
+    """The answers at nodes, with those that are known already."""
+    new = number if known is None else np.setdiff1d(number, known.number)
+    distance, rim = truth.ask(grid.place(grid.nodes(new)))
+    if known is None:
+        return Answers(number=new, distance=distance, rim=rim)
+    both = np.concatenate([known.number, new])
+    order = np.argsort(both)
+    return Answers(
+        number=both[order],
+        distance=np.concatenate([known.distance, distance])[order],
+        rim=np.concatenate([known.rim, rim])[order],
+    )
+
+
+def blocks_near(coarse: Float32[np.ndarray, "X1 Y1 Z1"], cell: float) -> Int64[np.ndarray, "n 3"]:
+    """Blocks that the surface can cross: it is no farther than a block's diagonal from one of its corners."""
+    near = np.abs(coarse) <= np.sqrt(3) * SIDE * cell
+    touched = np.zeros([size - 1 for size in coarse.shape], dtype=bool)
+    for x, y, z in CORNERS:
+        touched |= near[x : x + touched.shape[0], y : y + touched.shape[1], z : z + touched.shape[2]]
+    return np.argwhere(touched)
+
+
+def crossed(answers: Answers, grid: Grid, cells: Int64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """Whether the surface crosses cells."""
+    distance = answers.distance[answers.at(grid.number(cells[:, None] + CORNERS))]
+    return (distance.min(axis=1) <= 0) & (distance.max(axis=1) >= 0)
+
+
+def whole_block(blocks: Int64[np.ndarray, "n 3"], side: int) -> Int64[np.ndarray, "m 3"]:
+    """The nodes of blocks, `side` along each axis."""
+    steps = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    return (SIDE * blocks[:, None] + steps).reshape(-1, 3)
+
+
+def learn_volume(truth: Truth, cell: float, rng: np.random.Generator) -> Volume:
+    """A garment's numbers at nodes `cell` apart."""
+    grid = grid_about(truth.box, cell)
+    corners = np.argwhere(np.ones(grid.blocks + 1, dtype=bool))
+    coarse, coarse_rim = (a.reshape(grid.blocks + 1) for a in truth.ask(grid.place(SIDE * corners)))
+    candidates = blocks_near(coarse, cell)
+    answers = ask_nodes(truth, grid, None, np.unique(grid.number(whole_block(candidates, SIDE + 1))))
+    cells = whole_block(candidates, SIDE)
+    cells = cells[crossed(answers, grid, cells)]
+    beside = np.unique((cells[:, None] + AROUND).reshape(-1, 3), axis=0)  # the surface's neighbourhood
+    touched = np.unique(np.concatenate([(beside + corner) // SIDE for corner in CORNERS]), axis=0)
+    occupied = np.zeros(grid.blocks, dtype=bool)
+    occupied[tuple(touched.T)] = True
+    kept = grid.number(whole_block(np.argwhere(occupied), SIDE))
+    answers = ask_nodes(truth, grid, answers, np.unique(kept))
+    at = answers.at(kept)
+    color = node_colors(truth, grid, kept, PER_CELL * len(cells), rng)
+    color = calm(color, np.abs(answers.distance[at]) > FADED * cell)
+    shape = (int(occupied.sum()), SIDE, SIDE, SIDE)
+    volume = Volume(
+        VolumeConfig(
+            low=(float(grid.low[0]), float(grid.low[1]), float(grid.low[2])),
+            cell=cell,
+            blocks=(int(grid.blocks[0]), int(grid.blocks[1]), int(grid.blocks[2])),
+            count=shape[0],
+            colors=color.shape[1],
+        )
+    )
+    volume.set(
+        occupied,
+        coarse,
+        coarse_rim.clip(0, RIM),
+        answers.distance[at].reshape(shape),
+        answers.rim[at].reshape(shape),
+        color.T.reshape(-1, *shape),
+    )
+    return volume
+
+
+def node_colors(
+    truth: Truth, grid: Grid, kept: Int64[np.ndarray, " V"], count: int, rng: np.random.Generator
+) -> Float64[np.ndarray, "V C"]:
+    """Colours of nodes whose mixtures come nearest to what is seen; those farther off have the colour of the
+    nearest that is not."""
+    points, color = truth.seen(count, rng)
+    low, share = grid.cells(points)
+    number = grid.number(low[:, None] + CORNERS)
+    weights = np.where(CORNERS == 1, share[:, None], 1 - share[:, None]).prod(axis=2)
+    nodes, row = np.unique(number, return_inverse=True)
+    places = np.concatenate([np.zeros((1, 3)), grid.place(grid.nodes(nodes))])
+    found = fit_nodes(1 + row.reshape(-1, 8), weights, np.ones(len(points)), color, places, ROUNDS)
+    nearest = KDTree(places[1:]).query(grid.place(grid.nodes(kept)))[1]
+    return found[1 + nearest].astype(np.float64)
+
+
+def calm(color: Float64[np.ndarray, "V C"], far: Bool[np.ndarray, " V"]) -> Float64[np.ndarray, "V C"]:
+    """Colours of whole blocks of nodes, those far from the surface replaced by the mean of the others: that
+    takes half the room in a file."""
+    blocks, away = color.reshape(-1, SIDE**3, color.shape[1]), far.reshape(-1, SIDE**3, 1)
+    count = np.maximum((~away).sum(axis=1, keepdims=True), 1)
+    mean = np.where(away, 0, blocks).sum(axis=1, keepdims=True) / count
+    return np.where(away, mean, blocks).reshape(color.shape)
+
+
+def covered_faces(seen: Int64[np.ndarray, " n"], faces: Int64[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
+    """Faces of the body that were seen, and those around them."""
+    covered = np.zeros(len(faces), dtype=bool)
+    covered[seen] = True
+    for _ in range(2):
+        touched = np.zeros(int(faces.max()) + 1, dtype=bool)
+        touched[faces[covered]] = True
+        covered = touched[faces].any(axis=1)
+    return np.asarray(covered)
+
+
+def learn_places(
+    truth: Truth, body: CanonicalBody, rng: np.random.Generator
+) -> tuple[Bool[np.ndarray, " F"], TableConfig, Float[Tensor, "n 2"]]:
+    """The body's faces under a garment, and places on the cloth over them."""
+    points, places = truth.surface(HELD_OUT, rng)
+    covered = covered_faces(body.distance.query(points.astype(np.float32)).face, body.faces)
+    if not places.any():  # it has none
+        covered[:] = False
+        return covered, TableConfig(segments=1, numbers=2, nodes=1, bits=16), torch.zeros(1, 2)
+    points, places = truth.surface(PER_FACE * int(covered.sum()), rng)
+    nodes = lattice(body.faces, covered, SEGMENTS)
+    found = fitted(body, nodes, body.distance.query(points.astype(np.float32)), places)
+    config = TableConfig(segments=SEGMENTS, numbers=2, nodes=nodes.count, bits=16)
+    return covered, config, torch.from_numpy(found)
 
 
 def learn(
     named: Named,
-    pool: PointPool,
-    colors: Colors,
+    truth: Truth,
     body: CanonicalBody,
-    inverse_reach: Float[Tensor, " V"],
-    cut: Cut,
     learning: LearningConfig,
     show: Callable[[str], None],
 ) -> Learned:
-    """Learn a garment from its pool, and from the colours of its surface."""
-    torch.manual_seed(learning.seed)
-    covered = covered_faces(pool, body.faces)
-    coarse, fine = (lattice(body.faces, covered, n) for n in (cut.coarse, cut.fine))
-    lesson = lesson_of(pool, body, inverse_reach, (coarse, fine))
-    paints = 1 if named.kind == "hair" else 3 if (pool.color[:, 3] == 1).all() else 4  # a shade; with trim
-    low, high = cube(pool.points)
+    """Learn a garment."""
+    rng = np.random.default_rng(0)
+    small = named.kind in ("hair", "hat", "shoes")
+    volume = learn_volume(truth, learning.small if small else learning.cloth, rng)
+    covered, table, places = learn_places(truth, body, rng)
+    errors = errors_of(volume, truth, rng)
+    show(f"{named.name}: " + told(errors))
     config = GarmentConfig(
         name=named.name,
         kind=named.kind,
         tags=named.tags,
-        features=TableConfig(segments=cut.coarse, numbers=cut.features, nodes=coarse.count),
-        sewn=TableConfig(segments=cut.coarse, numbers=3, nodes=coarse.count, bits=16),
-        paint=TableConfig(segments=cut.fine, numbers=paints, nodes=fine.count),
-        low=low,
-        high=high,
+        volume=volume.config,
+        places=table,
         middle=named.middle,
-        width=cut.width,
-        frequencies=cut.frequencies,
     )
-    certain = np.exp(-((pool.distance / CERTAIN) ** 2)) + 1e-4
-    sewn = np.column_stack([pool.sewn[:, 0].clip(0, RIM), pool.sewn[:, 1:]])
-    sewn_nodes = painted_at(coarse, lesson.coarse, sewn, certain, body)
-    color, hit = colors(POINTS_PER_NODE * fine.count)
-    paint = torch.from_numpy(fitted(body, fine, hit, color[:, :paints]))
-    student = Student(config, lesson)
-    return Learned(
-        config=config,
-        network=student.network,
-        features=student.features.detach(),
-        sewn=sewn_nodes,
-        paint=paint,
-        covered=covered,
-        errors=teach(student, learning, paint, show),
-    )
-
-
-def teach(
-    student: Student, learning: LearningConfig, paint: Float[Tensor, "m c"], show: Callable[[str], None]
-) -> dict[str, float]:
-    """Teach the distance by steps of some points each; returns the errors at points held out."""
-    lesson = student.lesson
-    optimizer = torch.optim.Adam(student.parameters(), lr=learning.learning_rate, betas=(0.9, 0.99))
-    random = torch.Generator().manual_seed(learning.seed)
-    order = torch.randperm(len(lesson.points), generator=random)
-    held, used = order[:HELD_OUT], order[HELD_OUT:]
-    for step in range(learning.steps):
-        for group in optimizer.param_groups:
-            group["lr"] = learning.rate(step)
-        index = used[torch.randint(len(used), (learning.batch,), generator=random)]
-        true = lesson.distance[index]
-        error = (student(index) - true).abs().clamp(max=0.05)
-        band = (true.abs() < learning.band).float()
-        loss = (error * (learning.far_weight + (1 - learning.far_weight) * band)).mean() / UNIT
-        optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        optimizer.step()
-        if step % 500 == 0:
-            show(f"{student.config.name} {step}: " + told(errors_at(student, held, paint)))
-    student.eval().requires_grad_(False)
-    errors = errors_at(student, held, paint)
-    show(f"{student.config.name}: " + told(errors))
-    return errors
+    return Learned(config=config, volume=volume, places=places, covered=covered, errors=errors)
 
 
 def told(errors: dict[str, float]) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in errors.items())
 
 
-def error_at_lids(
-    student: Student, index: Int[Tensor, " N"], found: Float[Tensor, " N"]
-) -> Float[Tensor, ""]:
-    """Mean error of distance (mm) at the lids of a garment's openings outside the body; 0 without any."""
-    lesson = student.lesson
-    true, way = lesson.distance[index], torch.from_numpy(lesson.pool.sewn[:, 0])[index]
-    at_lid = (way <= 0) & (lesson.body[index] > 0) & (true.abs() < 0.006)
-    return 1000 * (found - true).abs()[at_lid].mean() if at_lid.any() else torch.zeros(())
-
-
-@torch.no_grad()
-def errors_at(student: Student, index: Tensor, paint: Float[Tensor, "m c"]) -> dict[str, float]:
-    """Mean and 99th percentile of distance (mm) near the surface; the mean at the lids of
-    openings (mm); the share of points well outside that seem inside; colours at the surface (L1, dB)."""
-    lesson, true = student.lesson, student.lesson.distance[index]
-    found = student(index)
-    error = 1000 * (found - true).abs()[true.abs() < 0.006]
-    near = index[true.abs() < 0.002]
-    difference = mixed(paint, lesson.fine, near)[:, :3] - lesson.color[near][:, :3]
+def errors_of(volume: Volume, truth: Truth, rng: np.random.Generator) -> dict[str, float]:
+    """At points held out: mean and 99th percentile of the distance's error near the surface (mm), the share
+    of points on the wrong side of it by 3 mm, and colours where the surface is seen (L1, dB)."""
+    bricks = volume.read()
+    points = about(truth, HELD_OUT, rng)
+    true, found = truth.ask(points)[0], bricks.read(points)[0]
+    error = 1000 * np.abs(found - true)[np.abs(true) < 0.006]
+    wrong = (found < 0) != (true < 0)
+    seen, color = truth.seen(HELD_OUT, rng)
+    difference = bricks.colors(seen)[:, : min(3, color.shape[1])] - color[:, :3]
     return {
         "mm": float(error.mean()),
-        "p99 mm": float(error.quantile(0.99)),
-        "edge mm": float(error_at_lids(student, index, found)),
-        "ghosts": float(((found < 0) & (true > GHOST)).float().mean()),
-        "L1": float(difference.abs().mean()),
-        "dB": float(-10 * torch.log10(difference.square().mean())),
+        "p99 mm": float(np.quantile(error, 0.99)),
+        "wrong side": float((wrong & (np.abs(true) > 0.003)).mean()),
+        "L1": float(np.abs(difference).mean()),
+        "dB": float(-10 * np.log10(np.square(difference).mean() + 1e-12)),
     }

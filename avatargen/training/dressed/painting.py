@@ -1,6 +1,7 @@
-"""Numbers on a body's surface that fit what was seen at points off it: least squares on a lattice.
+"""Numbers at nodes, of a lattice on a body's surface or of a grid in space, that fit what was seen at points
+between them: least squares.
 
-Letters: P points, K numbers each, N nodes. Metres.
+Letters: P points, M nodes around each, K numbers each, N nodes. Metres.
 """
 
 import numpy as np
@@ -18,16 +19,18 @@ SEEN = 1e-3  # least share of a point's weight by which a node counts as seen
 
 
 def fit_nodes(
-    nodes: Int[np.ndarray, "P 3"],
-    weights: Float[np.ndarray, "P 3"],
+    nodes: Int[np.ndarray, "P M"],
+    weights: Float[np.ndarray, "P M"],
     certain: Float[np.ndarray, " P"],
     values: Float[np.ndarray, "P K"],
     places: Float64[np.ndarray, "N 3"],
+    rounds: int = ROUNDS,
 ) -> Float32[np.ndarray, "N K"]:
     """The nodes' numbers whose weighted sums come nearest to the points' values; `certain` says how much each
     point counts, `places` where the nodes lie. Nodes unseen take the nearest one's; node 0 is zero.
+    Fewer `rounds` of conjugate gradients follow single points less.
     """
-    rows = np.repeat(np.arange(len(nodes)), 3)
+    rows = np.repeat(np.arange(len(nodes)), nodes.shape[1])
     reading = csr_matrix((weights.ravel(), (rows, nodes.ravel())), shape=(len(nodes), len(places)))
     weighed = reading.multiply(certain[:, None]).tocsr()
     total = np.asarray(weighed.sum(axis=0)).ravel()
@@ -46,7 +49,7 @@ def fit_nodes(
     residual = weighed.T @ values - normal @ found
     ahead = scale[:, None] * residual
     way, old = ahead.copy(), (residual * ahead).sum(axis=0)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         pushed = normal @ way
         step = old / np.maximum((way * pushed).sum(axis=0), 1e-12)
         found += step * way

@@ -11,37 +11,29 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from safetensors.torch import save
-from torch import Tensor
 
 from avatargen.atomic import write_atomically
 from avatargen.body.model import CanonicalBody
-from avatargen.body.reach import outer_reach
 from avatargen.errors import InputError
-from avatargen.generator.checkpoint import from_json, read_tensors, require_fit
+from avatargen.generator.checkpoint import from_json, read_tensors
 from avatargen.generator.config import body_hash
-from avatargen.generator.decoder import FARTHEST, NEAREST
-from avatargen.generator.dressed.checkpoint import save_dressed
+from avatargen.generator.dressed.checkpoint import GARMENT, SKIN, save_dressed
 from avatargen.generator.dressed.config import DressedConfig, GarmentConfig, SkinConfig, TableConfig
 from avatargen.generator.dressed.generator import (
-    FARTHEST_MM,
-    DressedGenerator,
     LearnedGarment,
     LearnedSkin,
-    grid_points,
-    grid_shape,
 )
 from avatargen.generator.dressed.tables import Table
-from avatargen.training.dressed.learn import Cut, Learned, LearningConfig, Named, learn, told
+from avatargen.training.dressed.learn import Learned, LearningConfig, Named, learn, told
 from avatargen.training.dressed.skin import LearnedSkins, SkinCut, learn_skins
 from avatargen.wardrobe.makehuman.load import FittedGarment
 from avatargen.wardrobe.makehuman.person import ArtistGarment, Wardrobe
-from avatargen.wardrobe.makehuman.pool import make_pool, surface_colors
 from avatargen.wardrobe.makehuman.strands import Strands
+from avatargen.wardrobe.makehuman.truth import ClothTruth, HairTruth, Truth
 
 DRAWN = ("brows", "lashes")  # kinds that are no layers of their own
-CUTS = {"hair": Cut(coarse=4, fine=8), "hat": Cut(coarse=4, fine=8)}  # heads have small faces already
 SKIN_FILE = "skin.safetensors"
 LEAST_TABLE = TableConfig(segments=1, numbers=1, nodes=1)
 NO_SKIN = SkinConfig(  # of a garment by itself
@@ -60,9 +52,7 @@ class PeopleConfig:
     """Settings of a run."""
 
     learning: LearningConfig = field(default_factory=LearningConfig)
-    cut: Cut = field(default_factory=Cut)
     skin: SkinCut = field(default_factory=SkinCut)
-    cell: float = 0.04  # m, of the grid that says where each garment may be
 
 
 def train(
@@ -83,16 +73,15 @@ def train(
     if unknown := sorted(set(wanted) - set(layers)):
         raise InputError(f"garments: found {unknown[0]}, wanted some of {', '.join(layers)}")
     (out / "garments").mkdir(parents=True, exist_ok=True)
-    reach = inverse_reach(wardrobe.body)
     for name in wanted:
         path = garment_file(out, name)
         if not path.is_file():
-            save_garment(learn_garment(wardrobe, layers[name], config, reach, show), path)
+            save_garment(learn_garment(wardrobe, layers[name], config.learning, show), path)
     if not (out / SKIN_FILE).is_file():
         save_skins(learn_skins(wardrobe, config.skin, show), wardrobe.body, out / SKIN_FILE)
     if not all(garment_file(out, name).is_file() for name in layers):
         return False
-    assemble(wardrobe, config, out, list(layers), reach, notes)
+    assemble(wardrobe, out, list(layers), notes)
     return True
 
 
@@ -100,77 +89,45 @@ def garment_file(out: Path, name: str) -> Path:
     return out / "garments" / f"{name}.safetensors"
 
 
-def inverse_reach(body: CanonicalBody) -> Float[Tensor, " V"]:
-    """How fast features fade at each vertex, 1/m."""
-    reach = outer_reach(body.vertices, body.faces, FARTHEST)
-    return torch.from_numpy(1 / np.maximum(reach, NEAREST)).float()
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """A learned garment with the vertices that it hides and its distances on the grid (m)."""
+    """A learned garment with the vertices that it hides."""
 
     learned: Learned
     hidden: Bool[np.ndarray, " V"]
-    away: Float[np.ndarray, "X Y Z"]
     body: CanonicalBody
-    cell: float
 
 
 def learn_garment(
-    wardrobe: Wardrobe,
-    garment: FittedGarment,
-    config: PeopleConfig,
-    reach: Float[Tensor, " V"],
-    show: Callable[[str], None],
+    wardrobe: Wardrobe, garment: FittedGarment, learning: LearningConfig, show: Callable[[str], None]
 ) -> Placed:
     """Learn one garment."""
-    body, grid = wardrobe.body, grid_points(config.cell)
-    made = wardrobe.made(garment.name)
-    own = made.own
-    pool = make_pool(garment, own, body.distance, config.learning.points)
+    body, made = wardrobe.body, wardrobe.made(garment.name)
+    middle, hidden = (50.0, 0.0, 0.0), np.zeros(len(body.vertices), dtype=bool)
+    truth: Truth
     if garment.kind == "hair":
-        middle, hidden = (50.0, 0.0, 0.0), np.zeros(len(body.vertices), dtype=bool)
-        away = Strands(garment=garment, body=body.distance).distance(grid)
+        truth = HairTruth(strands=Strands(garment=garment, body=body.distance))
     else:
-        middle, hidden = made.middle, made.hidden
-        away = made.solid.hit(grid, reach=1.0).distance
-    learned = learn(
-        Named(name=garment.name, kind=garment.kind, tags=garment.tags, middle=middle),
-        pool,
-        lambda count: surface_colors(garment, own, body.distance, count),
-        body,
-        reach,
-        CUTS.get(garment.kind, config.cut),
-        config.learning,
-        show,
-    )
-    shape = grid_shape(config.cell)
-    return Placed(learned=learned, hidden=hidden, away=away.reshape(shape), body=body, cell=config.cell)
+        truth, middle, hidden = ClothTruth(made=made), made.middle, made.hidden
+    named = Named(name=garment.name, kind=garment.kind, tags=garment.tags, middle=middle)
+    return Placed(learned=learn(named, truth, body, learning, show), hidden=hidden, body=body)
 
 
 def save_garment(placed: Placed, path: Path) -> None:
     """Write a garment's weights as the generator holds them."""
     found, body = placed.learned, placed.body
-    module = LearnedGarment(found.config, whole_of(body, placed.cell, (found.config,), NO_SKIN))
-    module.network.load_state_dict(found.network.state_dict())
+    module = LearnedGarment(found.config, whole_of(body, (found.config,), NO_SKIN))
+    module.volume.load_state_dict(found.volume.state_dict())
+    module.places.set(found.places)
     module.covered.copy_(torch.from_numpy(found.covered).to(torch.uint8))
-    for table, values in (
-        (module.features, found.features),
-        (module.sewn, found.sewn),
-        (module.paint, found.paint),
-    ):
-        table.set(values)
     module.hidden.copy_(torch.from_numpy(placed.hidden).to(torch.uint8))
-    away = (1000 * placed.away).clip(0, FARTHEST_MM).round().astype(np.uint8)
-    module.away.copy_(torch.from_numpy(away))
     notes = {"config": json.dumps(asdict(found.config)), "errors": told(found.errors)}
     write_atomically(path, save({k: v.contiguous() for k, v in module.state_dict().items()}, notes))
 
 
 def save_skins(found: LearnedSkins, body: CanonicalBody, path: Path) -> None:
     """Write the skins as the generator holds them."""
-    module = LearnedSkin(found.config, whole_of(body, 0.1, (), found.config))
+    module = LearnedSkin(found.config, whole_of(body, (), found.config))
     for table, values in zip([*module.tables, module.drawn], [*found.tables, found.drawn], strict=True):
         assert isinstance(table, Table)
         table.set(torch.from_numpy(np.asarray(values, dtype=np.float32)))
@@ -189,14 +146,7 @@ def opening_of(garment: ArtistGarment) -> tuple[float, ...] | None:
     return tuple(float(x) for x in (*garment.opening.at, *garment.opening.up))
 
 
-def assemble(
-    wardrobe: Wardrobe,
-    config: PeopleConfig,
-    out: Path,
-    names: list[str],
-    reach: Float[Tensor, " V"],
-    notes: dict[str, str],
-) -> None:
+def assemble(wardrobe: Wardrobe, out: Path, names: list[str], notes: dict[str, str]) -> None:
     """Write the generator of a run's garments and skins."""
     parts = [read_tensors(garment_file(out, name)) for name in names]
     garments = tuple(
@@ -208,24 +158,12 @@ def assemble(
     )
     body = wardrobe.body
     skin, metadata = read_tensors(out / SKIN_FILE)
-    whole = whole_of(body, config.cell, garments, from_json(SkinConfig, json.loads(metadata["config"])))
-    generator = DressedGenerator(whole)
-    generator.inverse_reach.copy_(reach)
-    for name, (tensors, _) in zip(names, parts, strict=True):
-        fill(generator.garment(name), tensors, garment_file(out, name))
-    fill(generator.skin, skin, out / SKIN_FILE)
-    save_dressed(generator, out / "generator.safetensors", notes)
+    whole = whole_of(body, garments, from_json(SkinConfig, json.loads(metadata["config"])))
+    kept = {f"{GARMENT}{name}": tensors for name, (tensors, _) in zip(names, parts, strict=True)}
+    save_dressed(whole, {SKIN: skin} | kept, out / "generator.safetensors", notes)
 
 
-def fill(module: torch.nn.Module, tensors: dict[str, Tensor], path: Path) -> None:
-    """Load a part's weights. Raises InputError where they do not fit."""
-    require_fit(tensors, module.state_dict(), str(path))
-    module.load_state_dict(tensors)
-
-
-def whole_of(
-    body: CanonicalBody, cell: float, garments: tuple[GarmentConfig, ...], skin: SkinConfig
-) -> DressedConfig:
+def whole_of(body: CanonicalBody, garments: tuple[GarmentConfig, ...], skin: SkinConfig) -> DressedConfig:
     """The whole generator's settings on a body."""
     return DressedConfig(
         garments=garments,
@@ -233,5 +171,4 @@ def whole_of(
         body_hash=body_hash(body),
         vertex_count=len(body.vertices),
         face_count=len(body.faces),
-        cell=cell,
     )

@@ -126,8 +126,7 @@ class WornCloth:
             at, face = found.barycentric[near], found.face[near]
             own = self.garment.own(np.einsum("nk,nka->na", at, solid.garment.uv[face]))
             place = np.einsum("nk,nka->na", at, self.garment.places[face])
-            sewn = np.column_stack([found.rim[near], place])
-            colour[near] = self.appearance.color(own, sewn)
+            colour[near] = self.appearance.color(own, place)
         return Cloth(distance=found.distance, rim=found.rim, color=colour)
 
 
@@ -155,7 +154,7 @@ class WornHair:
         near = np.flatnonzero(distance < COLOURED) if coloured else np.zeros(0, np.int64)
         if len(near):
             shade = np.repeat(self.strands.shade(points[near])[:, None], 4, axis=1)
-            colour[near] = self.appearance.color(shade, np.zeros((len(near), 3)))
+            colour[near] = self.appearance.color(shade, np.zeros((len(near), 2)))
         return Cloth(distance=distance, rim=np.ones(len(points), np.float32), color=colour)
 
 
