@@ -103,6 +103,10 @@ class WornCloth:
     appearance: Dye
 
     @property
+    def kind(self) -> str:
+        return self.garment.solid.garment.kind
+
+    @property
     def hidden(self) -> Bool[np.ndarray, " V"]:
         return self.garment.hidden
 
@@ -133,6 +137,10 @@ class WornHair:
 
     strands: Strands
     appearance: HairDye
+
+    @property
+    def kind(self) -> str:
+        return "hair"
 
     @property
     def hidden(self) -> Bool[np.ndarray, " V"]:
