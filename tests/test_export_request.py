@@ -21,6 +21,7 @@ from exporters.encoding import Encoding
 from tests import cli_page
 
 WALKING = ("--seed", "3", "--clip", "walk")
+APART = ("--seed", "3", "--parts", "separate")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
 CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -32,8 +33,11 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         (*ONE, "--from", "wardrobe"),
         (*ONE, "--from", "wardrobe", "--wardrobe", "folder"),
     ),
+    "--parts": (ONE, (*ONE, "--parts", "separate")),
+    "--hidden": (APART, (*APART, "--hidden", "keep")),
     "--mesher": (ONE, (*ONE, "--mesher", "marching-cubes")),
     "--simplifier": (ONE, (*ONE, "--simplifier", "pymeshlab")),
+    "--wear": (ONE, (*ONE, "--wear", "8:top,outer")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
