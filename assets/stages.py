@@ -21,6 +21,7 @@ from assets.texture.normal_map import bake_normals
 from assets.texture.occlusion import bake_occlusion, distance_to
 
 SEEDS = 32  # cells along the bounds' longest side at which the search ends: of all pieces the largest is kept
+PART_ROUNDS = 2  # of smoothing the weights of a part
 MORE_SEEDS = 128  # where others stay, too: a sock, a hat
 
 
@@ -65,7 +66,9 @@ def fit(draft: Draft) -> None:
 
 def skin(draft: Draft) -> None:
     draft.attachment = attachment = attach(draft.surface, draft.body)
-    draft.skin = skin_attached(attachment, draft.body, SkinConfig())
+    # a garment is filled at each of its ends, and smoothed around them sleeves would leave their arms
+    config = SkinConfig() if draft.follow is None else SkinConfig(smoothing_rounds=PART_ROUNDS)
+    draft.skin = skin_attached(attachment, draft.body, config)
     if draft.follow is not None:
         draft.skin, draft.attachment = draft.follow(draft.surface, draft.skin, attachment)
 

@@ -74,7 +74,7 @@ def open_edges(faces: Int64[np.ndarray, "F 3"]) -> Int64[np.ndarray, "E 2"]:
     return directed_edges(faces)[twin < 0]
 
 
-def rims(welded: Int64[np.ndarray, "F 3"], faces: Int64[np.ndarray, "F 3"]) -> list[Int64[np.ndarray, " n"]]:
+def rims(welded: Int64[np.ndarray, "F 3"], faces: Int64[np.ndarray, "F 3"]) -> list[Int64[np.ndarray, " _"]]:
     """The closed walks around what is open, as vertices of the asset, in the faces' direction."""
     following = dict(open_edges(welded).tolist())
     vertex = dict(zip(welded.reshape(-1).tolist(), faces.reshape(-1).tolist(), strict=True))
@@ -88,7 +88,7 @@ def rims(welded: Int64[np.ndarray, "F 3"], faces: Int64[np.ndarray, "F 3"]) -> l
     return loops
 
 
-def with_fans(asset: Asset, faces: Int64[np.ndarray, "F 3"], loops: list[Int64[np.ndarray, " n"]]) -> Asset:
+def with_fans(asset: Asset, faces: Int64[np.ndarray, "F 3"], loops: list[Int64[np.ndarray, " _"]]) -> Asset:
     """The asset with these faces alone and a fan for each loop."""
     assert asset.welded is not None and asset.canonical is not None, "built from a field"
     count, first = len(asset.vertices), np.array([loop[0] for loop in loops], np.int64)

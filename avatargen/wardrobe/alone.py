@@ -34,6 +34,8 @@ from avatargen.wardrobe.lips import between_lips
 BODY, HAIR = "body", "hair"
 FADE = 0.015  # m along the cloth, from where it begins to hide to where it surely does
 SINK = 0.004  # m that it lies deeper beneath them than in one surface: moving parts need some room
+OUT = 0.012  # m outside a garment at which nothing lies beneath it any more
+MARGIN = 0.008  # m along the cloth from its edges that is as good as the edge: rims are learned
 DEEPEST = 0.015  # m that a layer gives way to those over it: more would tear it
 
 
@@ -75,7 +77,9 @@ class LayerField:
         hit, moved = self.person.closest(points)
         cloth = whole(self.layer, moved, hit, coloured=False)
         within = self.cloth_distance(cloth, moved, hit) < 0
-        return np.where(within, np.clip((cloth.rim - EDGE_ZONE) / FADE, 0, 1), 0.0)
+        return np.where(
+            within, np.clip((cloth.rim.astype(np.float64) - EDGE_ZONE - MARGIN) / FADE, 0, 1), 0.0
+        )
 
     def skin_distance(self, moved: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float64[np.ndarray, " N"]:
         """The bare body, inside what it wears."""
@@ -84,7 +88,7 @@ class LayerField:
         distance = (hit.distance - between_lips(moved)).astype(np.float64)
         for over in self.over:
             outer = whole(over, moved, hit, coloured=False)
-            free = np.maximum(bare, near_edges(outer.rim))
+            free = np.maximum(bare, at_edges(outer.rim))
             distance = beneath(distance, outer, free)
         return np.minimum(distance, hit.distance + CORE)
 
@@ -96,15 +100,26 @@ class LayerField:
         for over in self.over:
             outer = whole(over, moved, hit, coloured=False)
             if self.layer is not self.person.hair:
-                distance = beneath(distance, outer, near_edges(outer.rim))
+                distance = beneath(distance, outer, at_edges(outer.rim))
             elif over.opening is not None:
                 distance = under_hat(distance, outer.distance, over.opening.above(moved))
         return distance
 
 
 def beneath(inner: Float64[np.ndarray, " N"], outer: Cloth, free: np.ndarray) -> Float64[np.ndarray, " N"]:
-    """A layer inside one over it but where it is `free` (1), and whole."""
-    return np.minimum(kept_inside(inner, outer.distance + SINK, free), inner + DEEPEST)
+    """A layer inside one over it, and whole. It is `free` (1) at that one's edges, and where it stands far
+    out, as below a hem, it is not beneath."""
+    return np.minimum(kept_inside(inner, outer.distance + SINK, free), inner + give(outer))
+
+
+def give(outer: Cloth) -> Float64[np.ndarray, " N"]:
+    """How far a layer may give way, m: less and less outside what is over it."""
+    return DEEPEST * np.clip(1 - outer.distance.astype(np.float64) / OUT, 0, 1)
+
+
+def at_edges(rim: np.ndarray) -> np.ndarray:
+    """1 at the edges of a garment and a little within, 0 away from them."""
+    return near_edges(np.maximum(rim - MARGIN, 0))
 
 
 def whole(layer: Layer, points: Float32[np.ndarray, "N 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
