@@ -6,7 +6,7 @@ from assets.asset.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAss
 from assets.asset.bones import add_ends, aim_bones
 from assets.asset.joints import drop_idle_joints
 from assets.asset.rig import Morph, Skeleton
-from assets.build_config import AvatarFields
+from assets.build_config import AvatarFields, BuildConfig
 from assets.content import LeftOut
 from assets.draft import Draft
 from assets.mesh.surface import euler_number
@@ -58,6 +58,11 @@ def rig(textured: TexturedAsset, draft: Draft) -> Asset:
         ),
         morphs=make_morphs(draft) if config.morphs else (),
     )
+    return finish_skeleton(asset, config)
+
+
+def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:
+    """The skeleton with the joints and the frames that are wanted."""
     asset = drop_idle_joints(asset) if config.joints == "moving" else asset
     asset = add_ends(asset) if config.ends else asset
     return aim_bones(asset) if config.bones == "along" else asset

@@ -1,6 +1,6 @@
 """One asset in the making: what the stages have made of an avatar so far."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 
@@ -15,7 +15,7 @@ from assets.mesh.clean import Cleaning
 from assets.mesh.importance import Importance, by_looks
 from assets.mesh.measure import SurfaceError
 from assets.mesh.surface import Surface
-from assets.skin.attach import Attachment
+from assets.skin.attach import Carrier
 from assets.skin.rest import RestMesh
 from assets.skin.skin import Skin
 from assets.texture.atlas import Atlas
@@ -24,6 +24,8 @@ from assets.texture.normal_map import NormalMap
 from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
+
+Follow = Callable[[Surface, Skin, Carrier], tuple[Skin, Carrier]]
 
 
 @dataclass(kw_only=True)
@@ -36,11 +38,13 @@ class Draft:
     body: CanonicalBody  # on the joints that are wanted
     rotations: Float[np.ndarray, "J 3"]  # axis-angle, of the rest pose
     charting: Charting | None  # None: no charts are planned
+    follow: Follow | None = None  # how what is hidden moves with what hides it; None: nothing does
+    least_piece: float = 1.0  # share of the largest piece's volume from which others stay; 1: none does
 
     extraction: Extraction = field(init=False)
     cleaning: Cleaning = field(init=False)
     surface: Surface = field(init=False)  # canonical: cleaned, then simplified, then laid on the field
-    attachment: Attachment = field(init=False)
+    attachment: Carrier = field(init=False)
     skin: Skin = field(init=False)
     error: SurfaceError = field(init=False)
     missed: SurfaceError | None = None
@@ -63,7 +67,9 @@ class Draft:
 
 
 @contextmanager
-def open_draft(avatar: AvatarFields, config: BuildConfig, charts: bool) -> Iterator[Draft]:
+def open_draft(
+    avatar: AvatarFields, config: BuildConfig, charts: bool, least_piece: float = 1.0
+) -> Iterator[Draft]:
     """Nothing made yet; with `charts`, the program that cuts them has been started.
 
     Raises:
@@ -72,7 +78,14 @@ def open_draft(avatar: AvatarFields, config: BuildConfig, charts: bool) -> Itera
     body = body_on(avatar.body, config.joints)
     rotations = find_pose(config.pose, body)
     with Charting() if charts else nullcontext() as charting:
-        yield Draft(avatar=avatar, config=config, body=body, rotations=rotations, charting=charting)
+        yield Draft(
+            avatar=avatar,
+            config=config,
+            body=body,
+            rotations=rotations,
+            charting=charting,
+            least_piece=least_piece,
+        )
 
 
 def find_pose(pose: str | Float[np.ndarray, "J 3"], body: CanonicalBody) -> Float[np.ndarray, "J 3"]:

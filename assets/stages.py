@@ -21,6 +21,8 @@ from assets.texture.normal_map import bake_normals
 from assets.texture.occlusion import bake_occlusion, distance_to
 
 SEEDS = 32  # cells along the bounds' longest side at which the search ends: of all pieces the largest is kept
+PART_ROUNDS = 2  # of smoothing the weights of a part
+MORE_SEEDS = 128  # where others stay, too: a sock, a hat
 
 
 def extract(draft: Draft) -> None:
@@ -30,11 +32,12 @@ def extract(draft: Draft) -> None:
 
 
 def clean(draft: Draft) -> None:
-    """One closed piece. pymeshlab's recipe has its filters first; what these leave is repaired here too."""
+    """One closed piece, or the few that stay. pymeshlab's recipe has its filters first; what these leave is
+    repaired here too."""
     surface = draft.extraction.surface
     if draft.config.simplifier == "pymeshlab":
         surface = filter_by_pymeshlab(surface)
-    draft.cleaning = clean_surface(surface)
+    draft.cleaning = clean_surface(surface, draft.least_piece)
     draft.surface = draft.cleaning.surface
 
 
@@ -62,8 +65,12 @@ def fit(draft: Draft) -> None:
 
 
 def skin(draft: Draft) -> None:
-    draft.attachment = attach(draft.surface, draft.body)
-    draft.skin = skin_attached(draft.attachment, draft.body, SkinConfig())
+    draft.attachment = attachment = attach(draft.surface, draft.body)
+    # a garment is filled at each of its ends, and smoothed around them sleeves would leave their arms
+    config = SkinConfig() if draft.follow is None else SkinConfig(smoothing_rounds=PART_ROUNDS)
+    draft.skin = skin_attached(attachment, draft.body, config)
+    if draft.follow is not None:
+        draft.skin, draft.attachment = draft.follow(draft.surface, draft.skin, attachment)
 
 
 def measure(draft: Draft) -> None:
@@ -113,5 +120,6 @@ def find_surface(draft: Draft) -> Extraction:
         way = partial(trace, march=march_volume)
     elif config.faces is not None:
         way = partial(trace_adaptively, faces=config.faces, importance=draft.importance)
-    extraction = ExtractConfig(resolution=config.resolution, seeds=SEEDS)
+    seeds = SEEDS if draft.least_piece == 1 else MORE_SEEDS
+    extraction = ExtractConfig(resolution=config.resolution, seeds=seeds)
     return trace_whole(draft.avatar.sdf, draft.avatar.bounds, extraction, way)

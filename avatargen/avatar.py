@@ -3,17 +3,18 @@
     load_single(weights) -> AvatarSampler --sample(seed)--> Avatar --sdf(points), color(points)--> numbers
 
 Canonical space: X-pose, betas 0, metres, y up, facing +z. Letters: N points, D size of w, B directions of
-shape.
+shape, V vertices of the body.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 from torch import Tensor, nn
 
 from avatargen import __version__
@@ -47,7 +48,20 @@ CPU_CHUNK = 1 << 13  # points that go through the network at once: stays in a co
 WORTH_A_THREAD = 1 << 10  # points
 FEWEST_CHUNKS = 4  # of points that are worth as many threads
 GPU_CHUNK = 1 << 18
+HALF = 0.5  # of a hidden neighbourhood, from which a vertex counts as hidden
 BOX_MARGIN = 0.05  # metres around the body that an avatar's box always has
+
+
+@runtime_checkable
+class Fields(Protocol):
+    """Distance and colour of a whole person (`PersonField`, `DressedField`) or of one layer."""
+
+    @property
+    def device(self) -> torch.device: ...
+
+    def sdf(self, points: np.ndarray) -> np.ndarray: ...
+
+    def color(self, points: np.ndarray) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +72,7 @@ class Avatar:
     betas: Float32[np.ndarray, " B"]
     bounds: Float32[np.ndarray, "2 3"]
     info: AvatarInfo
-    field: PersonField | DressedField
+    field: Fields
 
     @property
     def seed(self) -> int:
@@ -73,6 +87,45 @@ class Avatar:
     def attributes(self) -> Described | None:
         """The person in words; None where the weights do not say, or the person is drawn to the mean."""
         return self.info.attributes
+
+    @property
+    def layers(self) -> dict[str, "Avatar"]:
+        """The person layer by layer, each an avatar with a distance and a colour of its own, built as any:
+        body, then what is worn from the skin outward (socks, shoes, bottom, top, overall, outer, hat), hair.
+
+        Raises:
+            InputError: the person is one field, not layers, as the paper's generator makes them.
+        """
+        if not isinstance(self.field, DressedField):
+            raise InputError(
+                "layers: this person is one field; draw one from a generator of dressed people, as the "
+                "shipped weights are"
+            )
+        from avatargen.wardrobe.alone import layers_of  # most people are made whole
+
+        return {name: replace(self, field=layer) for name, layer in layers_of(self.field).items()}
+
+    def cover(self, points: Float32[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+        """Of a layer: how surely it hides what lies beneath it at canonical points, 0..1. A whole person, a
+        body and hair hide nothing."""
+        from avatargen.wardrobe.alone import LayerField
+
+        if not isinstance(self.field, LayerField):
+            return np.zeros(len(points))
+        return self.field.cover(points.astype(np.float32))
+
+    @cached_property
+    def hidden(self) -> Bool[np.ndarray, " V"]:
+        """The body's vertices that clothes hide; none where the person is one field."""
+        if not isinstance(self.field, DressedField):
+            return np.zeros(len(self.body.vertices), dtype=bool)
+        from avatargen.wardrobe.alone import hidden_under
+
+        worn = hidden_under(self.field)
+        if self.field.fitted is None:
+            return worn
+        hit, _ = self.field.closest(self.body.vertices.astype(np.float32))
+        return (worn[self.field.body.faces[hit.face]] * hit.barycentric).sum(axis=1) > HALF
 
     @torch.inference_mode()
     def sdf(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
@@ -148,6 +201,7 @@ class Sampler(Protocol):
         seed: int,
         truncation: float = 1.0,
         traits: Traits | Mapping[str, str | float] | None = None,
+        wear: Mapping[str, int] | None = None,
     ) -> Avatar: ...
 
 
@@ -175,6 +229,7 @@ class AvatarSampler:
         seed: int,
         truncation: float = 1.0,
         traits: Traits | Mapping[str, str | float] | None = None,
+        wear: Mapping[str, int] | None = None,
     ) -> Avatar:
         """Draw a person. The latent is drawn on the CPU: the same seed is the same person on any machine.
 
@@ -184,9 +239,12 @@ class AvatarSampler:
 
         Raises:
             InputError: the seed is no whole number in 0..2^63 - 1, truncation is not in 0..1, or traits are
-            unknown, contradict each other, or are none that these weights or this body can show.
+            unknown, contradict each other, or are none that these weights or this body can show; or `wear`
+            names garments, which people who are one field do not have.
         """
         require_truncation(truncation)
+        if wear:
+            raise InputError("wear: people of these weights are one field; use the shipped weights")
         z = latent_of(seed, self.generator.config.mapping.z_size)
         chosen = traits if isinstance(traits, Traits) else traits_of(traits or {})
         if chosen.given():

@@ -34,6 +34,7 @@ from avatargen.shipped import shipped
 from avatargen.wardrobe.appearance import Dye, HairDye
 from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.dressed import DressedField
+from avatargen.wardrobe.makehuman.borrow import borrow
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, Item, choose, draw_latent
 from avatargen.wardrobe.makehuman.condition import condition
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
@@ -66,13 +67,16 @@ class DressedSampler:
         seed: int,
         truncation: float = 1.0,
         traits: Traits | Mapping[str, str | float] | None = None,
+        wear: Mapping[str, int] | None = None,
     ) -> Avatar:
         """Draw a person, as `AvatarSampler.sample` does; what a seed says is what the artist-made wardrobe's
-        own person of that seed is and wears.
+        own person of that seed is and wears. With `wear`, such as {"top": 8, "outer": 8}, in garments of
+        other seeds.
 
         Raises:
-            InputError: the seed is no whole number in 0..2^63 - 1, truncation is not in 0..1, or traits are
-            unknown, contradict each other, or are none that this body can show.
+            InputError: the seed is no whole number in 0..2^63 - 1, truncation is not in 0..1, traits are
+            unknown, contradict each other, or are none that this body can show, or a seed does not wear what
+            is borrowed of it.
         """
         require_seed(seed)
         require_truncation(truncation)
@@ -83,6 +87,8 @@ class DressedSampler:
             z = condition(z, chosen, lambda latent: self.choose(Draw(latent)), self.had())
         draw = Draw(truncation * z)
         person = self.choose(draw)
+        if wear:
+            person = borrow(person, lambda lender: self.lender(lender, truncation), wear)
         betas = self.betas(draw, chosen.height)
         height = float(np.ptp(shape(self.body.source, betas).vertices[:, 1]))
         return Avatar(
@@ -112,6 +118,11 @@ class DressedSampler:
                 words[each.kind].add(garment_word(each.name, each.kind))
         words["hair"].add(hair_word(None))
         return words
+
+    def lender(self, seed: int, truncation: float) -> Attributes:
+        """The person of a seed, of whom something is borrowed."""
+        require_seed(seed)
+        return self.choose(Draw(truncation * draw_latent(seed)))
 
     def choose(self, draw: Draw) -> Attributes:
         """What the person of a draw is and wears."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from assets.asset.asset import PlainAsset
+from assets.asset.asset import PlainAsset, part_names
 from assets.content import Content
 from avatargen.atomic import write_together
 from avatargen.errors import InputError
@@ -36,7 +36,8 @@ class Format:
     `content` is the most that the format can hold, `maps` the pictures among it beside the base colour,
     `rest_pose` the one pose that it must have. `pictures` are the ways it can hold pictures in, `quantize`
     whether it can hold rounded numbers; only formats with `levels` hold coarser levels of detail, the others
-    write the finest. Formats with `units` say what theirs are, so that all their readers agree.
+    write the finest. Formats with `units` say what theirs are, so that all their readers agree. Formats with
+    `parts` hold several meshes, each with pictures of its own.
     """
 
     encode: Encoder
@@ -49,6 +50,7 @@ class Format:
     quantize: bool = False
     levels: bool = False
     units: bool = True
+    parts: bool = False
 
 
 def one_file(encode: Callable[[PlainAsset, Encoding], bytes]) -> Encoder:
@@ -68,7 +70,7 @@ def encode_usd(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) ->
 
 
 FORMATS: dict[str, Format] = {
-    ".glb": Format(one_file(glb.encode), pictures=tuple(SUFFIXES), quantize=True, levels=True),
+    ".glb": Format(one_file(glb.encode), pictures=tuple(SUFFIXES), quantize=True, levels=True, parts=True),
     ".gltf": Format(
         gltf_files.encode,
         beside=(".bin", "_base_color.png", "_normal.png", "_occlusion.png"),
@@ -76,14 +78,14 @@ FORMATS: dict[str, Format] = {
         quantize=True,
         levels=True,
     ),
-    ".vrm": Format(vrm.encode_files, beside=(".vrma",), rest_pose=vrm.REST_POSE),
+    ".vrm": Format(vrm.encode_files, beside=(".vrma",), rest_pose=vrm.REST_POSE, parts=True),
     ".usda": Format(
         encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png"), unkept=USD_SYNTAX
     ),
     ".usdc": Format(
         encode_usd, beside=("_base_color.png", "_normal.png", "_occlusion.png"), unkept=USD_SYNTAX
     ),
-    ".usdz": Format(encode_usd),
+    ".usdz": Format(encode_usd, parts=True),
     ".obj": Format(
         obj.encode,
         beside=(".mtl", "_base_color.png", "_normal.png"),
@@ -158,6 +160,8 @@ def encode(asset: PlainAsset, path: str | Path, encoding: Encoding = PLAIN) -> l
         InputError: the suffix is unknown, or the format cannot carry the asset or the file's name.
     """
     paths = files_of(path, encoding)
+    if part_names(asset) and not find_format(path).parts:
+        raise InputError(f"export: {paths[0].suffix} holds one mesh, not parts; use .glb, .vrm or .usdz")
     asset = for_slicers(asset) if encoding.for_slicers else asset
     files = find_format(path).encode(asset, tuple(file.name for file in paths), encoding)
     return [(paths[0].with_name(file.name), file.data) for file in reversed(files)]

@@ -1,19 +1,20 @@
-"""An asset as binary glTF 2.0: one mesh and what else the asset has: a skeleton, a skin, pictures.
-Same asset, same bytes.
+"""An asset as binary glTF 2.0: one mesh, or one for each part, and what else the asset has: a skeleton, a
+skin, pictures. Same asset, same bytes.
 
 Conventions are glTF's and ours alike: metres, y up, facing +z, right-handed, faces counter-clockwise from
 outside, uv origin at the texture's top left. Letters: W vertices (seams split), F faces, J joints.
-`T_world_joint` reads world <- joint. Node i < J is joint i; node J is the mesh, at the scene's root and
-without a transform of its own.
+`T_world_joint` reads world <- joint. Node i < J is joint i; nodes from J on are the meshes, at the scene's
+root and without a transform of their own. A part has a mesh, a material and pictures by its name.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pygltflib as gltf
 from jaxtyping import Float32, Shaped, UInt8
 
-from assets.asset.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset
+from assets.asset.asset import Asset, AssetInfo, PlainAsset, Skeleton, TexturedAsset, meshes_of, part_names
 from exporters.binary import Binary
 from exporters.encoding import PLAIN, Encoding
 from exporters.file import File
@@ -42,14 +43,16 @@ def describe(
     asset: PlainAsset, encoding: Encoding, picture_uris: Sequence[str] = ()
 ) -> tuple[gltf.GLTF2, bytes]:
     """The document and its one buffer, which holds the pictures unless these have places of their own."""
-    binary = Binary()
+    binary, meshes = Binary(), meshes_of(asset, "avatar")
     document = gltf.GLTF2(
-        asset=file_info(asset.info),
+        asset=file_info(asset.info, part_names(asset)),
         scene=0,
-        scenes=[gltf.Scene(name="avatar", nodes=[0])],
-        nodes=[gltf.Node(name="avatar", mesh=0)],
-        meshes=[gltf.Mesh(name="avatar", primitives=[mesh_primitive(asset, binary, encoding)])],
-        materials=[material(asset)],
+        scenes=[gltf.Scene(name="avatar", nodes=list(range(len(meshes))))],
+        nodes=[gltf.Node(name=name, mesh=number) for number, name in enumerate(meshes)],
+        meshes=[
+            gltf.Mesh(name=name, primitives=[mesh_primitive(mesh, number, binary, encoding)])
+            for number, (name, mesh) in enumerate(meshes.items())
+        ],
     )
     if encoding.quantize:
         require_extension(document, EXTENSION)
@@ -58,31 +61,37 @@ def describe(
         document.nodes[0].translation, document.nodes[0].scale = cube.centre.tolist(), [cube.half] * 3
     if isinstance(asset, Asset):
         add_skeleton(document, asset.skeleton, binary)
-        add_morphs(document.meshes[0], asset, binary)
+        for made, mesh in zip(document.meshes, meshes.values(), strict=True):
+            add_morphs(made, mesh, binary)
         document.animations = animations(asset, binary)
     add_levels(document, asset, binary)
-    if isinstance(asset, TexturedAsset):
-        add_textures(document, asset, encoding, picture_uris, binary)
+    for name, mesh in meshes.items():
+        document.materials.append(material(mesh, name, len(document.textures)))
+        if isinstance(mesh, TexturedAsset):
+            prefix = "" if mesh is asset else f"{name}_"
+            add_textures(document, mesh, prefix, encoding, picture_uris, binary)
     document.accessors, document.bufferViews = binary.accessors, binary.views
     document.buffers = [gltf.Buffer(byteLength=len(binary.data))]
     return document, bytes(binary.data)
 
 
 def add_skeleton(document: gltf.GLTF2, skeleton: Skeleton, binary: Binary) -> None:
-    """Put the joints before the mesh's node, and a skin on it."""
+    """Put the joints before the meshes' nodes, and a skin on these."""
     joint_count = len(skeleton.parents)
     document.skins = [joint_skin(skeleton, binary)]
-    document.nodes = [*joint_nodes(skeleton), gltf.Node(name="avatar", mesh=0, skin=0)]
-    document.scenes[0].nodes = [*np.flatnonzero(skeleton.parents < 0).tolist(), joint_count]
+    skinned = [replace(node, skin=0) for node in document.nodes]
+    document.nodes = [*joint_nodes(skeleton), *skinned]
+    places = range(joint_count, len(document.nodes))
+    document.scenes[0].nodes = [*np.flatnonzero(skeleton.parents < 0).tolist(), *places]
 
 
-def add_morphs(mesh: gltf.Mesh, asset: Asset, binary: Binary) -> None:
+def add_morphs(mesh: gltf.Mesh, asset: PlainAsset, binary: Binary) -> None:
     """Put the sliders at weight 0 and their names where importers look for them.
 
     No morph target moves a joint: how far the joints ought to move is told beside the names, in metres, for
     programs that move them.
     """
-    if asset.morphs:
+    if isinstance(asset, Asset) and asset.morphs:
         mesh.primitives[0].targets = morph_targets(asset, binary)
         mesh.weights = [0.0] * len(asset.morphs)
         mesh.extras = {
@@ -94,21 +103,22 @@ def add_morphs(mesh: gltf.Mesh, asset: Asset, binary: Binary) -> None:
 def add_textures(
     document: gltf.GLTF2,
     asset: TexturedAsset,
+    prefix: str,
     encoding: Encoding,
     picture_uris: Sequence[str],
     binary: Binary,
 ) -> None:
-    """The pictures that the material reads: the base colour and what there is beside it."""
+    """The pictures that a material reads: the base colour and what there is beside it."""
     document.samplers = [texture_sampler()]
-    for index, (name, pixels) in enumerate(pictures(asset).items()):
-        image = gltf.Image(name=name)
+    for name, pixels in pictures(asset).items():
+        image = gltf.Image(name=prefix + name)
         if picture_uris:
             image.uri = picture_uris[PICTURES.index(name)]
         else:
             image.bufferView = binary.add_bytes(encoding.picture(name, pixels))
             image.mimeType = encoding.mime_type
+        document.textures.append(picture_texture(document, len(document.images), encoding))
         document.images.append(image)
-        document.textures.append(picture_texture(document, index, encoding))
 
 
 def picture_texture(document: gltf.GLTF2, index: int, encoding: Encoding) -> gltf.Texture:
@@ -143,14 +153,14 @@ def picture_files(asset: TexturedAsset, names: Sequence[str], encoding: Encoding
     return {name: File(file, encoding.picture(name, found[name])) for name, file in files if name in found}
 
 
-def mesh_primitive(asset: PlainAsset, binary: Binary, encoding: Encoding) -> gltf.Primitive:
+def mesh_primitive(asset: PlainAsset, material: int, binary: Binary, encoding: Encoding) -> gltf.Primitive:
     attributes = gltf.Attributes()
     for name, values in (whole_numbers if encoding.quantize else real_numbers)(asset).items():
         fractions = values.dtype.kind != "f" and name != "JOINTS_0"
         accessor = binary.add_array(values, gltf.ARRAY_BUFFER, name == "POSITION", normalized=fractions)
         setattr(attributes, name, accessor)
     indices = binary.add_indices(asset.faces, len(asset.vertices))
-    return gltf.Primitive(attributes=attributes, indices=indices, material=0, mode=gltf.TRIANGLES)
+    return gltf.Primitive(attributes=attributes, indices=indices, material=material, mode=gltf.TRIANGLES)
 
 
 def real_numbers(asset: PlainAsset) -> dict[str, Shaped[np.ndarray, "W C"]]:
@@ -228,12 +238,13 @@ def joint_nodes(skeleton: Skeleton) -> list[gltf.Node]:
     return nodes
 
 
-def material(asset: PlainAsset) -> gltf.Material:
+def material(asset: PlainAsset, name: str, textures: int) -> gltf.Material:
+    """How a mesh looks, whose textures come after so many others."""
     surface = gltf.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=ROUGHNESS)
-    made = gltf.Material(name="avatar", pbrMetallicRoughness=surface, doubleSided=False)
+    made = gltf.Material(name=name, pbrMetallicRoughness=surface, doubleSided=False)
     if isinstance(asset, TexturedAsset):
-        surface.baseColorTexture = gltf.TextureInfo(index=0)
-        index = {name: index for index, name in enumerate(pictures(asset))}
+        surface.baseColorTexture = gltf.TextureInfo(index=textures)
+        index = {picture: textures + i for i, picture in enumerate(pictures(asset))}
         if "normal" in index:
             made.normalTexture = gltf.NormalMaterialTexture(index=index["normal"])
         if "occlusion" in index:
@@ -250,8 +261,9 @@ def texture_sampler() -> gltf.Sampler:
     )
 
 
-def file_info(info: AssetInfo) -> gltf.Asset:
-    """Where the file comes from, under the keys that scripts read: asset.generator and asset.extras."""
+def file_info(info: AssetInfo, parts: Sequence[str] = ()) -> gltf.Asset:
+    """Where the file comes from and its parts, under the keys that scripts read: asset.generator and
+    asset.extras."""
     extras = {
         "seed": info.seed,
         "weights_hash": info.weights_hash,
@@ -263,6 +275,8 @@ def file_info(info: AssetInfo) -> gltf.Asset:
         extras["height_m"] = round(info.height_m, 4)
     if info.facts:
         extras["attributes"] = dict(info.facts)
+    if parts:
+        extras["parts"] = list(parts)
     return gltf.Asset(
         version="2.0", generator=f"avatargen {info.version}", copyright=info.licence, extras=extras
     )

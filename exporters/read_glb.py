@@ -1,4 +1,5 @@
-"""Read back a .glb as `avatar-export` writes it: one mesh, with a texture and a skeleton where it has them.
+"""Read back a .glb as `avatar-export` writes it: one mesh, with a texture and a skeleton where it has them,
+or a person's parts.
 
 Every number in the file is checked against what is really stored before it is used, so a forged file costs
 neither memory nor time. Letters: W vertices, F faces, J joints, S texels along a side.
@@ -97,7 +98,8 @@ class Document:
 
 
 def read_glb(path: str | Path, rest: str = "a") -> PlainAsset:
-    """What a .glb file holds: its first mesh, as an `Asset` if that has a skin, with its pictures if any.
+    """What a .glb file holds: its first mesh, as an `Asset` if that has a skin, with its pictures if any; or
+    its parts, if it is of a person who was built in parts.
 
     A file does not say in which pose it rests: `rest` is the pose's name.
 
@@ -142,11 +144,24 @@ def parse(data: bytes) -> Document:
 
 
 def read_asset(document: Document, rest: str) -> PlainAsset:
-    """The first node that has a mesh, with as much as the file gives it."""
-    description = document.description
-    node = next((n for n in description["nodes"] if "mesh" in n), None)
-    if node is None:
+    """The first node that has a mesh, with as much as the file gives it; or all of a person's parts."""
+    nodes = [node for node in document.description["nodes"] if "mesh" in node]
+    if not nodes:
         raise ValueError("it has no mesh")
+    names = document.description.get("asset", {}).get("extras", {}).get("parts", ())
+    by_name = {node.get("name"): node for node in nodes}
+    if not names or not set(names) <= by_name.keys():
+        return read_mesh(document, nodes[0], rest)
+    parts = {name: read_mesh(document, by_name[name], rest) for name in names}
+    from assets.asset.parts import join  # most files hold one mesh
+
+    rigged = {name: part for name, part in parts.items() if isinstance(part, Asset)}
+    return join(rigged) if len(rigged) == len(parts) else read_mesh(document, nodes[0], rest)
+
+
+def read_mesh(document: Document, node: Any, rest: str) -> PlainAsset:
+    """A node's mesh."""
+    description = document.description
     primitive = item(description["meshes"], node["mesh"])["primitives"][0]
     if primitive.get("mode", 4) != 4:
         raise ValueError("the mesh is no triangles")

@@ -5,6 +5,8 @@
     /avatar/mesh       Mesh: one normal, uv and four influences a point
     /avatar/material   the material, beside them: programs make an object of a scope around it
 
+An asset of parts has a mesh and a material for each: /avatar/top, /avatar/top_material.
+
 Metres, y up, facing +z, faces counter-clockwise from outside, as ours; the uv origin alone is at the bottom
 left there. USD's matrices act on row vectors, so ours are transposed. Letters: W vertices, J joints.
 """
@@ -20,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
-from assets.asset.asset import Asset, AssetInfo, PlainAsset, TexturedAsset
+from assets.asset.asset import Asset, AssetInfo, PlainAsset, TexturedAsset, meshes_of
 from assets.asset.rig import Skeleton
 from avatargen.errors import InputError
 from exporters.encoding import SUFFIXES, Encoding
@@ -39,11 +41,14 @@ def encode(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) -> tup
     if suffix == ".usdz":
         picture_names = tuple(f"{picture}{SUFFIXES[encoding.pictures]}" for picture in PICTURES)
     stage, files = make_stage(asset), ()
-    if isinstance(asset, TexturedAsset):
-        named = picture_files(asset, picture_names, encoding)
-        folder = "" if suffix == ".usdz" else "./"
-        add_material(stage, {picture: f"{folder}{file.name}" for picture, file in named.items()})
-        files = tuple(named.values())
+    folder = "" if suffix == ".usdz" else "./"
+    for part, mesh in meshes_of(asset, "mesh").items():
+        if isinstance(mesh, TexturedAsset):
+            prefix = "" if mesh is asset else f"{part}_"
+            named = picture_files(mesh, [prefix + picture for picture in picture_names], encoding)
+            paths = {picture: f"{folder}{file.name}" for picture, file in named.items()}
+            add_material(stage, f"{ROOT}/{part}", f"{ROOT}/{prefix}material", paths)
+            files = (*files, *named.values())
     if suffix == ".usdz":
         return (File(name, pack((File("avatar.usdc", stage_bytes(stage, ".usdc")), *files))),)
     return (File(name, stage_bytes(stage, suffix)), *files)
@@ -81,14 +86,18 @@ def make_stage(asset: PlainAsset) -> Usd.Stage:
     stage.SetDefaultPrim(root.GetPrim())
     Usd.ModelAPI(root).SetKind(Kind.Tokens.component)
     describe_source(stage.GetRootLayer(), asset.info)
-    mesh = add_mesh(stage, asset)
+    meshes = meshes_of(asset, "mesh")
+    made = [(add_mesh(stage, f"{ROOT}/{name}", mesh), mesh) for name, mesh in meshes.items()]
     if isinstance(asset, Asset):
         root.CreateExtentAttr(extent(asset))
         skeleton = add_skeleton(stage, asset.skeleton)
-        bind_mesh(mesh, asset, skeleton)
+        rigged = [(prim, mesh) for prim, mesh in made if isinstance(mesh, Asset)]
+        for prim, mesh in rigged:
+            bind_mesh(prim, mesh, skeleton)
         add_animations(stage, asset, skeleton)
-        add_extents(asset, root, mesh)
-        add_morphs(stage, asset, mesh)
+        add_extents(root, rigged)
+        for prim, mesh in rigged:
+            add_morphs(stage, mesh, prim)
     return stage
 
 
@@ -137,8 +146,8 @@ def add_skeleton(stage: Usd.Stage, skeleton: Skeleton) -> UsdSkel.Skeleton:
     return prim
 
 
-def add_mesh(stage: Usd.Stage, asset: PlainAsset) -> UsdGeom.Mesh:
-    mesh = UsdGeom.Mesh.Define(stage, f"{ROOT}/mesh")
+def add_mesh(stage: Usd.Stage, path: str, asset: PlainAsset) -> UsdGeom.Mesh:
+    mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(asset.vertices))
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(asset.faces), 3))
@@ -171,42 +180,44 @@ def bind_mesh(mesh: UsdGeom.Mesh, asset: Asset, skeleton: UsdSkel.Skeleton) -> N
     binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
 
 
-def add_material(stage: Usd.Stage, paths: Mapping[str, str]) -> None:
+def add_material(stage: Usd.Stage, mesh: str, path: str, pictures: Mapping[str, str]) -> None:
     """UsdPreviewSurface with the base colour and perhaps a normal map and occlusion, on the mesh; cloth and
-    skin scatter light. `paths` are those of the pictures, by name."""
-    material = UsdShade.Material.Define(stage, f"{ROOT}/material")
-    reader = add_shader(stage, "st", "UsdPrimvarReader_float2", varname=(Sdf.ValueTypeNames.String, "st"))
+    skin scatter light. `pictures` are the files, by name."""
+    material = UsdShade.Material.Define(stage, path)
+    reader = add_shader(
+        stage, f"{path}/st", "UsdPrimvarReader_float2", varname=(Sdf.ValueTypeNames.String, "st")
+    )
     surface = add_shader(
         stage,
-        "surface",
+        f"{path}/surface",
         "UsdPreviewSurface",
         roughness=(Sdf.ValueTypeNames.Float, ROUGHNESS),
         metallic=(Sdf.ValueTypeNames.Float, 0.0),
     )
-    texture = add_picture(stage, "base_color", paths["base_color"], reader, "sRGB")
+    texture = add_picture(stage, f"{path}/base_color", pictures["base_color"], reader, "sRGB")
     connect(surface, "diffuseColor", Sdf.ValueTypeNames.Color3f, texture, "rgb", Sdf.ValueTypeNames.Float3)
-    if "normal" in paths:
-        texture = add_picture(stage, "normal", paths["normal"], reader, "raw")
+    if "normal" in pictures:
+        texture = add_picture(stage, f"{path}/normal", pictures["normal"], reader, "raw")
         texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(2, 2, 2, 1))
         texture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(-1, -1, -1, 0))
         connect(surface, "normal", Sdf.ValueTypeNames.Normal3f, texture, "rgb", Sdf.ValueTypeNames.Float3)
-    if "occlusion" in paths:
-        texture = add_picture(stage, "occlusion", paths["occlusion"], reader, "raw")
+    if "occlusion" in pictures:
+        texture = add_picture(stage, f"{path}/occlusion", pictures["occlusion"], reader, "raw")
         connect(surface, "occlusion", Sdf.ValueTypeNames.Float, texture, "r", Sdf.ValueTypeNames.Float)
     output = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(output)
-    UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(f"{ROOT}/mesh")).Bind(material)
+    UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(mesh)).Bind(material)
 
 
 def add_picture(
-    stage: Usd.Stage, name: str, path: str, reader: UsdShade.Shader, color_space: str
+    stage: Usd.Stage, path: str, file: str, reader: UsdShade.Shader, color_space: str
 ) -> UsdShade.Shader:
     """A texture at the mesh's uv."""
     texture = add_shader(
         stage,
-        name,
+        path,
         "UsdUVTexture",
-        file=(Sdf.ValueTypeNames.Asset, path),
+        file=(Sdf.ValueTypeNames.Asset, file),
         sourceColorSpace=(Sdf.ValueTypeNames.Token, color_space),
         wrapS=(Sdf.ValueTypeNames.Token, "clamp"),
         wrapT=(Sdf.ValueTypeNames.Token, "clamp"),
@@ -216,9 +227,9 @@ def add_picture(
 
 
 def add_shader(
-    stage: Usd.Stage, name: str, shader_id: str, **inputs: tuple[Sdf.ValueTypeName, object]
+    stage: Usd.Stage, path: str, shader_id: str, **inputs: tuple[Sdf.ValueTypeName, object]
 ) -> UsdShade.Shader:
-    shader = UsdShade.Shader.Define(stage, f"{ROOT}/material/{name}")
+    shader = UsdShade.Shader.Define(stage, path)
     shader.CreateIdAttr(shader_id)
     for input_name, (value_type, value) in inputs.items():
         shader.CreateInput(input_name, value_type).Set(value)

@@ -4,10 +4,12 @@ A skeleton plays one animation, the first; the others stand beside it, for a sce
 of time and extent is that of the first. Letters: T frames, J joints, W vertices.
 """
 
-# USD's modules fill themselves when they load, so their names are unknown before.
 # pyright: reportAttributeAccessIssue=false
 
+from collections.abc import Sequence
+
 import numpy as np
+from jaxtyping import Float32, Float64
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel, Vt
 
 from assets.asset.animate import boxes
@@ -28,7 +30,9 @@ def add_animations(stage: Usd.Stage, asset: Asset, prim: UsdSkel.Skeleton) -> No
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(float(played.times[-1]) * FRAMES_PER_SECOND)
     folder = prim.GetPath().GetParentPath()
-    names = unique_names([motion.name for motion in asset.animations], taken={"skeleton", "mesh", "material"})
+    taken = {prim.GetName() for prim in stage.GetPrimAtPath(folder).GetChildren()}
+    materials = {"material", *(f"{name}_material" for name in taken)}
+    names = unique_names([motion.name for motion in asset.animations], taken | materials)
     paths = [folder.AppendChild(name) for name in names]
     joints = prim.GetJointsAttr().Get()
     for path, motion in zip(paths, asset.animations, strict=True):
@@ -51,21 +55,38 @@ def add_animation(
         turning.Set(Vt.QuatfArray([Gf.Quatf(w, x, y, z) for x, y, z, w in rotations.tolist()]), code)
 
 
-def add_extents(asset: Asset, root: UsdGeom.Boundable, mesh: UsdGeom.Mesh) -> None:
-    """The box around what the first animation shows at each of its frames, on the root and on the mesh, by
+def add_extents(root: UsdGeom.Boundable, meshes: Sequence[tuple[UsdGeom.Boundable, Asset]]) -> None:
+    """The box around what the first animation shows at each of its frames, on the root and on each mesh, by
     which viewers leave out what is not in the picture; without a time, the box around all of them and the
     rest pose."""
-    if not asset.animations:
+    if not meshes[0][1].animations:
         return
-    played = asset.animations[0]
-    found = boxes(asset, played).astype(np.float32)
-    ever = np.concatenate([found.reshape(-1, 3), asset.vertices])
-    for prim in (root, mesh):
-        extent = prim.GetExtentAttr()
-        extent.Set(Vt.Vec3fArray.FromNumpy(np.stack([ever.min(axis=0), ever.max(axis=0)])))
-        for time, box in zip(played.times, found, strict=True):
-            code = Usd.TimeCode(float(time) * FRAMES_PER_SECOND)
-            extent.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(box)), code)
+    times = meshes[0][1].animations[0].times
+    found = [boxes(asset, asset.animations[0]).astype(np.float32) for _, asset in meshes]
+    rests = [np.stack([asset.vertices.min(axis=0), asset.vertices.max(axis=0)]) for _, asset in meshes]
+    add_extent(root, times, around(found), around(rests))
+    for (prim, _), box, rest in zip(meshes, found, rests, strict=True):
+        add_extent(prim, times, box, rest)
+
+
+def around(boxes: Sequence[Float32[np.ndarray, "*T 2 3"]]) -> Float32[np.ndarray, "*T 2 3"]:
+    """The boxes around several boxes."""
+    low = np.min([box[..., 0, :] for box in boxes], axis=0)
+    return np.stack([low, np.max([box[..., 1, :] for box in boxes], axis=0)], axis=-2)
+
+
+def add_extent(
+    prim: UsdGeom.Boundable,
+    times: Float64[np.ndarray, " T"],
+    boxes: Float32[np.ndarray, "T 2 3"],
+    rest: Float32[np.ndarray, "2 3"],
+) -> None:
+    """Boxes at some times, and the box around all of them and that of the rest pose."""
+    ever, extent = np.concatenate([boxes.reshape(-1, 3), rest]), prim.GetExtentAttr()
+    extent.Set(Vt.Vec3fArray.FromNumpy(np.stack([ever.min(axis=0), ever.max(axis=0)])))
+    for time, box in zip(times, boxes, strict=True):
+        code = Usd.TimeCode(float(time) * FRAMES_PER_SECOND)
+        extent.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(box)), code)
 
 
 def add_morphs(stage: Usd.Stage, asset: Asset, mesh: UsdGeom.Mesh) -> None:

@@ -52,14 +52,14 @@ def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
     if abs(gap) > LARGEST_GAP:
         raise InputError(f"vrm: the soles are at y = {gap:.2f} m, wanted 0; build with on_ground=True")
     document, data = glb.describe(replace(asset, animations=(), levels=()), encoding)
-    (mesh_node,) = (i for i, node in enumerate(document.nodes) if node.mesh is not None)
+    mesh_nodes = [i for i, node in enumerate(document.nodes) if node.mesh is not None]
     document.extensionsUsed = ["VRMC_vrm"]
     document.extensions = {
         "VRMC_vrm": {
             "specVersion": "1.0",
             "meta": meta(asset.info),
             "humanoid": {"humanBones": {bone: {"node": joint} for bone, joint in bones.items()}},
-            "firstPerson": {"meshAnnotations": [{"node": mesh_node, "type": "auto"}]},
+            "firstPerson": {"meshAnnotations": [{"node": node, "type": "auto"} for node in mesh_nodes]},
         }
     }
     return glb.pack(document, data)

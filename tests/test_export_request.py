@@ -21,6 +21,7 @@ from exporters.encoding import Encoding
 from tests import cli_page
 
 WALKING = ("--seed", "3", "--clip", "walk")
+APART = ("--seed", "3", "--parts", "separate")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
 CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -32,8 +33,11 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         (*ONE, "--from", "wardrobe"),
         (*ONE, "--from", "wardrobe", "--wardrobe", "folder"),
     ),
+    "--parts": (ONE, (*ONE, "--parts", "separate")),
+    "--hidden": (APART, (*APART, "--hidden", "keep")),
     "--mesher": (ONE, (*ONE, "--mesher", "marching-cubes")),
     "--simplifier": (ONE, (*ONE, "--simplifier", "pymeshlab")),
+    "--wear": (ONE, (*ONE, "--wear", "8:top,outer")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
@@ -318,3 +322,29 @@ def test_help_and_the_page_of_options_tell_the_defaults() -> None:
     for dest in set(told) - words:
         value = usual[dest]
         assert told[dest].split(",")[0] == (f"{value:g}" if isinstance(value, float) else str(value)), dest
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--hidden", "keep"), "without --parts separate"),
+        (("--parts", "separate", "--format", "obj"), "choose glb, vrm or usdz"),
+        (("--parts", "separate", "--format", "gltf"), "choose glb, vrm or usdz"),
+        (("--parts", "separate", "--scene", "print"), "choose glb, vrm or usdz"),
+        (("--parts", "separate", "--lods", "900,500"), "of one mesh"),
+        (("--parts", "separate", "--tolerance", "1mm"), "of one mesh"),
+        (("--wear", "8:top", "--wear", "9:top"), "twice"),
+        (("--wear", "8:scarf"), "garments of top"),
+        (("--wear", "top"), "SEED:GARMENT"),
+        (("--wear", "8:hat", "--from", "wardrobe"), "procedural wardrobe"),
+    ],
+)
+def test_parts_and_borrowing_that_cannot_be_are_refused(words: tuple[str, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        parse([*ONE, *words])
+
+
+def test_what_is_borrowed_is_one_value_whatever_the_order() -> None:
+    one = parse([*ONE, "--wear", "8:top,outer", "--wear", "5:shoes"])
+    assert one.wear == (("outer", 8), ("shoes", 5), ("top", 8))
+    assert one == parse([*ONE, "--wear", "5:shoes", "--wear", "8:outer,top"])

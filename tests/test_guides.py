@@ -38,7 +38,7 @@ def run_python(page: Path) -> None:
         exec(compile(block, page.name, "exec"), names)  # noqa: S102  our own pages
 
 
-@pytest.mark.parametrize("name", ["README.md", "python.md", "own_data.md", "choosing.md"])
+@pytest.mark.parametrize("name", ["README.md", "python.md", "own_data.md", "choosing.md", "clothes.md"])
 def test_python_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (page,) = [page for page in PAGES if page.name == name and blocks(page, "python")]
     monkeypatch.chdir(tmp_path)

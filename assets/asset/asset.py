@@ -8,7 +8,7 @@ Metres, y up, facing +z; uv origin at the texture's top left, as in glTF. The ve
 skeleton's rest pose.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,14 +114,34 @@ class TexturedAsset(PlainAsset):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Part:
+    """A mesh of its own within an asset: the body, a garment, the hair.
+
+    Its vertices and faces are those from the first number up to the second. Its pictures are a square of the
+    asset's: the place of that square's top left corner in uv, and its side.
+    """
+
+    name: str
+    vertices: tuple[int, int]
+    faces: tuple[int, int]
+    corner: tuple[float, float]
+    side: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Asset(TexturedAsset):
-    """A rigged, textured mesh: the whole of what an avatar can be."""
+    """A rigged, textured mesh: the whole of what an avatar can be.
+
+    With `parts` it is several meshes one after another, which share skeleton and pictures
+    (joined by `assets.asset.parts`); without any it is one.
+    """
 
     joints: Int[np.ndarray, "W 4"]
     weights: Float32[np.ndarray, "W 4"]
     skeleton: Skeleton
     animations: tuple[Animation, ...] = ()
     morphs: tuple[Morph, ...] = ()
+    parts: tuple[Part, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -132,6 +152,7 @@ class Asset(TexturedAsset):
         if not error < WEIGHT_SUM_LIMIT or self.weights.min() < 0:
             raise GeometryError(f"asset: weight sums are off 1 by {error:.1e}, limit {WEIGHT_SUM_LIMIT:.0e}")
         check_motion(self)
+        check_parts(self)
 
 
 def check_occlusion(texels: np.ndarray) -> None:
@@ -161,3 +182,70 @@ def check_motion(asset: Asset) -> None:
     for morph in asset.morphs:
         if (len(morph.vertices), len(morph.joints)) != (vertex_count, joint_count):
             raise GeometryError(f"asset: morph {morph.name} is not of its {vertex_count} vertices")
+
+
+def check_parts(asset: Asset) -> None:
+    """The parts have names of their own, follow one another, and share no vertex."""
+    if not asset.parts:
+        return
+    if len({part.name for part in asset.parts}) < len(asset.parts):
+        raise GeometryError("asset: two parts share a name; give each its own")
+    for what, count in (("vertices", len(asset.vertices)), ("faces", len(asset.faces))):
+        ranges = [getattr(part, what) for part in asset.parts]
+        starts, ends = [start for start, _ in ranges], [end for _, end in ranges]
+        if starts != [0, *ends[:-1]] or ends[-1] != count:
+            raise GeometryError(
+                f"asset: its parts' {what} are {ranges}; one after another up to {count} is needed"
+            )
+    for part in asset.parts:
+        named = asset.faces[slice(*part.faces)]
+        if len(named) == 0 or named.min() < part.vertices[0] or named.max() >= part.vertices[1]:
+            raise GeometryError(
+                f"asset: faces of {part.name} name vertices of other parts, or there are none"
+            )
+
+
+def apart(asset: Asset) -> dict[str, Asset]:
+    """Each part by itself, with its own vertices, faces and pictures, on the asset's skeleton and with its
+    animations."""
+    return {part.name: alone(asset, part) for part in asset.parts}
+
+
+def meshes_of(asset: PlainAsset, name: str) -> dict[str, PlainAsset]:
+    """What a file holds as meshes: the parts by their names, or the asset itself as `name`."""
+    return dict(apart(asset)) if isinstance(asset, Asset) and asset.parts else {name: asset}
+
+
+def part_names(asset: PlainAsset) -> tuple[str, ...]:
+    """Names of the parts, in order; none of an asset that is one mesh."""
+    return tuple(part.name for part in asset.parts) if isinstance(asset, Asset) else ()
+
+
+def alone(asset: Asset, part: Part) -> Asset:
+    """One part of an asset."""
+    rows, normal_map = slice(*part.vertices), asset.normal_map
+    if normal_map is not None:
+        normal_map = NormalMap(texels=cut(normal_map.texels, part), tangents=normal_map.tangents[rows])
+    return replace(
+        asset,
+        vertices=asset.vertices[rows],
+        normals=asset.normals[rows],
+        faces=asset.faces[slice(*part.faces)] - part.vertices[0],
+        welded=None if asset.welded is None else asset.welded[rows] - asset.welded[rows].min(),
+        canonical=None if asset.canonical is None else asset.canonical[rows],
+        uv=np.clip((asset.uv[rows] - part.corner) / part.side, 0, 1).astype(np.float32),
+        texture=cut(asset.texture, part),
+        normal_map=normal_map,
+        occlusion=None if asset.occlusion is None else cut(asset.occlusion, part),
+        joints=asset.joints[rows],
+        weights=asset.weights[rows],
+        morphs=tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs),
+        parts=(),
+    )
+
+
+def cut(picture: UInt8[np.ndarray, "S S *C"], part: Part) -> UInt8[np.ndarray, "_ _ *C"]:
+    """A part's square of a picture."""
+    size = len(picture)
+    x, y, side = (round(each * size) for each in (*part.corner, part.side))
+    return np.ascontiguousarray(picture[y : y + side, x : x + side])

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Int64
 
-from assets.asset.asset import Asset, PlainAsset, TexturedAsset
+from assets.asset.asset import Asset, PlainAsset, TexturedAsset, part_names
 from assets.asset.level_mesh import LevelMesh, collapse_round, level_mesh
 from assets.errors import GeometryError
 from assets.field import Field
@@ -34,9 +34,11 @@ def with_levels(asset: AnyAsset, faces: Sequence[int]) -> AnyAsset:
     Where seams cross, vertices are added at the end that only coarser levels use.
 
     Raises:
-        InputError: numbers that do not fall, or too few or more faces than there are.
+        InputError: numbers that do not fall, too few or more faces than there are, or an asset of parts.
         GeometryError: the surface cannot be kept closed with so few faces.
     """
+    if part_names(asset):
+        raise InputError("levels: the asset is of several parts; make it of one, or leave levels out")
     check_falling(len(asset.faces), faces)
     mesh = level_mesh(asset)
     levels = []

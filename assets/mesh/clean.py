@@ -1,5 +1,5 @@
 """Keep one whole component and repair what is not manifold: the result is closed, manifold, outward and in
-one piece."""
+one piece; or in a few, of what comes in pairs."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +11,7 @@ from assets.mesh.repair import repair
 from assets.mesh.surface import (
     Surface,
     compact,
+    count_pieces,
     find_defects,
     label_components,
     volume,
@@ -41,20 +42,22 @@ class Cleaning:
     repaired: str  # the defects found in the component that was kept; empty for none
 
 
-def clean(surface: Surface) -> Cleaning:
+def clean(surface: Surface, least: float = 1.0) -> Cleaning:
     """The largest component, repaired where needed: one closed, manifold, outward surface; and what that
-    took.
+    took. With `least` under 1 other components stay too, those of at least that share of its volume.
 
     Raises:
         GeometryError: nothing to keep, or defects that no repair removes.
     """
-    kept, dropped = keep_largest(surface)
-    defects = find_defects(kept, components=1)
+    kept, dropped = keep_largest(surface, least)
+    pieces = 1 if least == 1 else count_pieces(kept)
+    defects = find_defects(kept, components=pieces, pieces=pieces)
     if not defects:
         return Cleaning(surface=kept, dropped_components=dropped, repaired="")
     for method in (repair, repair_by_pymeshlab):
-        repaired, lost = keep_largest(method(kept))
-        left = find_defects(repaired, components=1)
+        repaired, lost = keep_largest(method(kept), least)
+        pieces = 1 if least == 1 else count_pieces(repaired)
+        left = find_defects(repaired, components=pieces, pieces=pieces)
         if not left:
             return Cleaning(surface=repaired, dropped_components=dropped + lost, repaired=str(defects))
     raise GeometryError(
@@ -62,8 +65,9 @@ def clean(surface: Surface) -> Cleaning:
     )
 
 
-def keep_largest(surface: Surface) -> tuple[Surface, int]:
-    """The component that encloses the largest volume, facing outward, and the number of others dropped.
+def keep_largest(surface: Surface, least: float = 1.0) -> tuple[Surface, int]:
+    """The component that encloses the largest volume, facing outward, and the number of others dropped; with
+    `least` under 1 those stay as well that face outward and enclose that share of it.
 
     An inner shell, a bubble or a stray blob is a component of its own, and goes.
 
@@ -78,11 +82,13 @@ def keep_largest(surface: Surface) -> tuple[Surface, int]:
     of_face = label[surface.faces[:, 0]]
     volumes = np.bincount(of_face, volume_parts(surface), minlength=count)
     largest = int(np.argmax(np.abs(volumes)))
-    faces = surface.faces[of_face == largest]
+    outward = volumes * np.sign(volumes[largest])
+    kept = np.flatnonzero(outward >= least * outward[largest]) if least < 1 else np.array([largest])
+    faces = surface.faces[np.isin(of_face, kept)]
     if volumes[largest] < 0:
         faces = faces[:, ::-1]
     with_faces = len(np.unique(of_face))
-    return compact(surface.vertices, np.ascontiguousarray(faces)), with_faces - 1
+    return compact(surface.vertices, np.ascontiguousarray(faces)), with_faces - len(kept)
 
 
 def repair_by_pymeshlab(surface: Surface) -> Surface:

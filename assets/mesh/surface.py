@@ -37,7 +37,7 @@ class Defects:
     bad_edges: int  # directed edges without exactly one opposite: open, non-manifold or inconsistently turned
     bad_vertices: int  # vertices whose faces form more than one fan, or none
     thin_faces: int  # faces that name a vertex twice or have no area to speak of
-    extra_components: int
+    extra_components: int  # beyond those there are to be
     inward: int  # 1 if the enclosed volume is negative or nothing to speak of
 
     def __bool__(self) -> bool:
@@ -47,15 +47,16 @@ class Defects:
         return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in vars(self).items() if count)
 
 
-def find_defects(surface: Surface, components: int | None = None) -> Defects:
-    """Check everything the pipeline promises about its meshes; `components` where their number is known."""
+def find_defects(surface: Surface, components: int | None = None, pieces: int = 1) -> Defects:
+    """Check everything the pipeline promises about its meshes; `components` where their number is known,
+    `pieces` where there may be more than one, as of a pair of shoes."""
     components = label_components(surface)[0] if components is None else components
     twin = opposite_edges(surface.faces, len(surface.vertices))
     return Defects(
         bad_edges=int((twin < 0).sum()),
         bad_vertices=count_split_vertices(surface, twin),
         thin_faces=count_thin_faces(surface),
-        extra_components=max(0, components - 1),
+        extra_components=max(0, components - pieces),
         inward=int(not volume(surface) > FLAT * extent(surface) ** 3),
     )
 
@@ -108,6 +109,11 @@ def count_split_vertices(surface: Surface, twin: Int64[np.ndarray, " E"]) -> int
     from assets.mesh.connectivity import count_split
 
     return count_split(np.ascontiguousarray(surface.faces), twin, len(surface.vertices))
+
+
+def count_pieces(surface: Surface) -> int:
+    """Number of connected components."""
+    return label_components(surface)[0]
 
 
 def label_components(surface: Surface) -> tuple[int, Int64[np.ndarray, " V"]]:

@@ -11,7 +11,7 @@ rule, and changes nothing else, so charts need not wait for it.
 
 from assets.field import Field
 from assets.mesh.importance import Importance, evenly
-from assets.mesh.surface import Surface, find_defects
+from assets.mesh.surface import Surface, count_pieces, find_defects
 from assets.simplify.fit import fit
 from assets.simplify.flip import flip
 from assets.simplify.simplify import SimplifyConfig, simplify
@@ -28,11 +28,11 @@ def reduce(dense: Surface, sdf: Field, faces: int, importance: Importance = even
         FieldError: the field is NaN or infinite.
     """
     more = simplify(dense, SimplifyConfig(target_faces=round(SURPLUS * faces)), importance)
-    laid = fit(flip(more, sdf), sdf)
-    better = more if find_defects(laid) else laid
+    laid, pieces = fit(flip(more, sdf), sdf), count_pieces(dense)
+    better = more if find_defects(laid, pieces=pieces) else laid
     simple = simplify(better, SimplifyConfig(target_faces=faces), importance)
     turned = flip(simple, sdf)
-    return simple if find_defects(turned) else turned
+    return simple if find_defects(turned, pieces=pieces) else turned
 
 
 def refit(surface: Surface, sdf: Field) -> Surface:
@@ -42,4 +42,4 @@ def refit(surface: Surface, sdf: Field) -> Surface:
         FieldError: the field is NaN or infinite.
     """
     moved = fit(surface, sdf)
-    return surface if find_defects(moved) else moved
+    return surface if find_defects(moved, pieces=count_pieces(surface)) else moved

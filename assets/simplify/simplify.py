@@ -14,7 +14,7 @@ import numpy as np
 from assets.errors import GeometryError
 from assets.mesh.clean import clean, from_pymeshlab, to_pymeshlab
 from assets.mesh.importance import Importance, evenly
-from assets.mesh.surface import Surface, euler_number, find_defects, volume
+from assets.mesh.surface import Surface, count_pieces, euler_number, find_defects, volume
 from assets.simplify.decimate import decimate
 from avatargen.errors import InputError
 
@@ -61,10 +61,10 @@ def simplify(
     if len(surface.faces) <= config.target_faces:
         return surface
     slack = max(config.tolerance * config.target_faces, 2.0)
-    closest, sound = len(surface.faces), None
+    closest, sound, pieces = len(surface.faces), None, count_pieces(surface)
     for candidate in CANDIDATES[config.simplifier](surface, config.target_faces, importance):
         count = len(candidate.faces)
-        if abs(count - config.target_faces) <= slack and not find_defects(candidate):
+        if abs(count - config.target_faces) <= slack and not find_defects(candidate, pieces=pieces):
             if euler_number(candidate) == euler_number(surface):
                 return candidate
             sound = sound or candidate

@@ -11,6 +11,7 @@ Letters: V vertices of the surface, B vertices of the body, C channels.
 """
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int64
@@ -31,6 +32,13 @@ class AttachConfig:
     largest_jump: float = 0.25  # share of the weight that may change joints along a short edge
     jump_length: float = 0.2  # metres of edge along which it may change joints altogether on top of that
     shortest_bone: float = 0.045  # metres: a joint nearer to its parent counts as one with it, as in a finger
+
+
+@runtime_checkable
+class Carrier(Protocol):
+    """What brings values given on the body to the vertices of a surface."""
+
+    def carry(self, values: np.ndarray) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, kw_only=True)

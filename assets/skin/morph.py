@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from assets.mesh.surface import Surface
-from assets.skin.attach import Attachment
+from assets.skin.attach import Carrier
 from assets.skin.rest import to_rest
 from assets.skin.skin import Skin
 from avatargen.body.model import CanonicalBody
@@ -33,7 +33,7 @@ class Slider:
 def beta_sliders(
     surface: Surface,
     skin: Skin,
-    attachment: Attachment,
+    attachment: Carrier,
     body: CanonicalBody,
     betas: Float[np.ndarray, " b"],
     rotations: Float[np.ndarray, "J 3"],

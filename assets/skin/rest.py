@@ -15,7 +15,7 @@ from jaxtyping import Float, Float64
 
 from assets.errors import GeometryError
 from assets.mesh.surface import Surface, vertex_normals
-from assets.skin.attach import Attachment
+from assets.skin.attach import Carrier
 from assets.skin.skin import Skin
 from avatargen.body.model import CanonicalBody, PosedBody, pose, pose_canonically, shape
 from avatargen.body.skinning import skin as skin_points
@@ -43,7 +43,7 @@ class RestMesh:
 def to_rest(
     surface: Surface,
     skin: Skin,
-    attachment: Attachment,
+    attachment: Carrier,
     body: CanonicalBody,
     betas: Float[np.ndarray, " b"],
     rotations: Float[np.ndarray, "J 3"],

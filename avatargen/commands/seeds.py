@@ -1,4 +1,4 @@
-"""Which people, in words: one seed, `random`, or many as in 3,5,8 and 0:100."""
+"""Which people, in words: one seed, `random`, or many as in 3,5,8 and 0:100; and what they lend."""
 
 import secrets
 from argparse import ArgumentTypeError
@@ -9,6 +9,7 @@ from avatargen.commands.line import LARGEST_SEED
 RANDOM = "random"
 DRAWN_BELOW = 10**9  # short enough to be typed again
 MOST_SEEDS = 1_000_000
+LENT = ("top", "bottom", "overall", "outer", "shoes", "hat")  # garments that a seed can lend
 
 
 def one_seed(text: str) -> int | str:
@@ -33,6 +34,15 @@ def many_seeds(text: str) -> range | tuple[int, ...]:
             f"found {text!r}, wanted A:B with A < B, or seeds such as 3,5,8; at most {MOST_SEEDS} seeds"
         )
     return ranges[0] if len(ranges) == 1 else tuple(dict.fromkeys(chain(*ranges)))
+
+
+def borrowed(text: str) -> tuple[tuple[str, int], ...]:
+    """An argument type: a seed and what it lends, as in 8:top,outer."""
+    seed, _, garments = text.partition(":")
+    names = [name.strip() for name in garments.split(",")]
+    if not is_seed(seed) or not all(name in LENT for name in names) or len(set(names)) < len(names):
+        raise ArgumentTypeError(f"found {text!r}, wanted SEED:GARMENT,.. with garments of {', '.join(LENT)}")
+    return tuple((name, int(seed)) for name in names)
 
 
 def is_seed(text: str) -> bool:

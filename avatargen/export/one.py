@@ -14,7 +14,7 @@ from assets.asset.asset import Asset
 from assets.asset.joints import body_on
 from assets.asset.levels import with_levels
 from assets.asset.names import rename_joints
-from assets.build_config import BuildConfig
+from assets.build_config import AvatarFields, BuildConfig
 from assets.pipeline import Progress, build_content
 from avatargen.atomic import check_writable, different_targets, write_together
 from avatargen.body.pose import load_pose
@@ -166,7 +166,10 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
     if request.chosen:
         fit = build_fitted(avatar, settings, request, watch.total(), watch.show_build)
     settings = fit.settings if fit else settings
-    asset = fit.asset if fit else build_content(avatar, settings, progress=watch.show_build)
+    if request.parts == "separate":
+        asset = build_separate(avatar, request, settings, watch.show_build)
+    else:
+        asset = fit.asset if fit else build_content(avatar, settings, progress=watch.show_build)
     report, motions = asset.report, ()
     assert report is not None  # only assets that were not built have none
     watch.seconds.update(report.seconds)
@@ -178,6 +181,17 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
             motions = finish_motions(request, workshop.motions, asset)
             asset = rename_joints(animate(asset, motions, settings.on_ground), request.names)
     return Made(asset=asset, report=report, settings=settings, motions=motions, avatar=avatar, fit=fit)
+
+
+def build_separate(
+    avatar: AvatarFields, request: ExportRequest, settings: BuildConfig, progress: Progress
+) -> Asset:
+    """The person in parts. Raises InputError for a person who is one field."""
+    from assets.separate import LayeredFields, build_parts  # most people are made whole
+
+    if not isinstance(avatar, LayeredFields):
+        raise InputError("found --parts separate of people who are one field; leave --from and --weights out")
+    return build_parts(avatar, settings, request.hidden, progress)
 
 
 def require_device(name: str) -> None:

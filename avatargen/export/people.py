@@ -1,7 +1,8 @@
 """Where a request's people come from: the generator, or the wardrobe that it learns from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import avatargen
 from assets.build_config import AvatarFields
@@ -10,6 +11,9 @@ from avatargen.body.load import load_body
 from avatargen.body.model import CanonicalBody, canonical_body
 from avatargen.export.request import ExportRequest
 from avatargen.wardrobe.choosing import Traits
+
+if TYPE_CHECKING:
+    from avatargen.artist_wardrobe import ArtistWardrobe
 
 
 @runtime_checkable
@@ -24,17 +28,33 @@ class People(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChosenPeople:
-    """The generator's people, under the traits that were chosen."""
+    """The generator's people, under the traits that were chosen and in what they borrow."""
 
     sampler: Sampler
     traits: Traits
+    wear: Mapping[str, int]
 
     @property
     def body(self) -> CanonicalBody:
         return self.sampler.body
 
     def sample(self, seed: int) -> Avatar:
-        return self.sampler.sample(seed, traits=self.traits)
+        return self.sampler.sample(seed, traits=self.traits, wear=self.wear)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BorrowingPeople:
+    """A wardrobe's people in what they borrow of each other."""
+
+    wardrobe: "ArtistWardrobe"
+    wear: Mapping[str, int]
+
+    @property
+    def body(self) -> CanonicalBody:
+        return self.wardrobe.body
+
+    def sample(self, seed: int) -> Avatar:
+        return self.wardrobe.sample(seed, self.wear)
 
 
 def open_people(request: ExportRequest) -> People:
@@ -45,7 +65,7 @@ def open_people(request: ExportRequest) -> People:
     """
     if request.source == "generator":
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
-        return ChosenPeople(sampler=sampler, traits=request.traits)
+        return ChosenPeople(sampler=sampler, traits=request.traits, wear=dict(request.wear))
     body = canonical_body(load_body(request.body or shipped("body.npz")))
     if request.wardrobe is None:
         from avatargen.wardrobe.procedural import ProceduralWardrobe
@@ -53,4 +73,4 @@ def open_people(request: ExportRequest) -> People:
         return ProceduralWardrobe(body)
     from avatargen.artist_wardrobe import ArtistWardrobe
 
-    return ArtistWardrobe(request.wardrobe, body)
+    return BorrowingPeople(wardrobe=ArtistWardrobe(request.wardrobe, body), wear=dict(request.wear))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from assets.asset.asset import PlainAsset, Report
+from assets.asset.asset import Asset, PlainAsset, Report
 from assets.asset.levels import level_error
 from assets.build_config import AvatarFields, BuildConfig
 from avatargen.export.fingerprint import facts
@@ -47,6 +47,7 @@ def make_report(
         "attributes": dict(asset.info.facts) or None,
         "vertices": len(asset.vertices),
         "faces": len(asset.faces),
+        "parts": part_facts(asset),
         "levels": level_facts(made),
         "bytes": size,
         "axes": request.encoding.axes,
@@ -58,6 +59,19 @@ def make_report(
         "animations": [motion_facts(motion) for motion in made.motions],
         "settings": facts(replace(request, build=config)),
     }
+
+
+def part_facts(asset: PlainAsset) -> list[dict[str, object]]:
+    """Sizes of each part; none of one mesh."""
+    parts = asset.parts if isinstance(asset, Asset) else ()
+    return [
+        {
+            "name": part.name,
+            "vertices": part.vertices[1] - part.vertices[0],
+            "faces": part.faces[1] - part.faces[0],
+        }
+        for part in parts
+    ]
 
 
 def level_facts(made: Made) -> list[dict[str, object]]:

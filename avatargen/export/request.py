@@ -17,7 +17,7 @@ from assets.build_config import BuildConfig
 from assets.content import CONTENTS
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source
+from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source, check_wear
 from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
@@ -25,6 +25,8 @@ from exporters.export import require_encoding
 
 Clip = Literal["idle", "walk", "wave", "range"]
 Source = Literal["generator", "wardrobe"]
+Parts = Literal["merged", "separate"]
+Hidden = Literal["drop", "keep"]
 Names = Literal["smpl", "mixamo", "unity", "unreal"]
 NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
 
@@ -47,9 +49,12 @@ class ExportRequest:
     weights: Path | None = None  # of another generator than the shipped one
     body: Path | None = None  # in SMPL's format: .npz or .pkl
     traits: Traits = field(default_factory=Traits)  # what was chosen of the people
+    wear: tuple[tuple[str, int], ...] = ()  # garments borrowed: what, and the seed that lends it
     # what: the asset
     build: BuildConfig = field(default_factory=BuildConfig)
     scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))
+    parts: Parts = "merged"  # separate: body, garments and hair are meshes of their own
+    hidden: Hidden = "drop"  # what clothes hide of a separate body
     pose_file: Path | None = None  # rotations that take the place of `build.pose`, .npz
     tolerance_mm: float | None = None  # resolution and faces that keep 99 % of the surface within it
     budget_s: float | None = None  # resolution and faces that take so many seconds of the process
@@ -87,6 +92,7 @@ class ExportRequest:
             weights=self.weights,
             chosen=bool(self.traits.given()),
         )
+        check_wear(dict(self.wear), self.source, self.wardrobe, len(self.wear))
         check_one_or_many(
             many=self.many,
             jobs=self.jobs,
@@ -111,6 +117,7 @@ class ExportRequest:
             )
         require_encoding(f"avatar.{self.format}", self.encoding)
         check_held(self, self.file_format)
+        check_parts(self, self.file_format)
 
     @property
     def many(self) -> bool:
@@ -180,6 +187,27 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
         ("--ambient-occlusion", build.ambient_occlusion, "occlusion"),
     ):
         require_map(option, size, kind in wanted.maps)
+
+
+def check_parts(request: ExportRequest, wanted: Format) -> None:
+    """Raises InputError where parts are not held, or something is asked for that is of one mesh."""
+    if request.parts == "merged":
+        if request.hidden != "drop":
+            raise InputError(
+                f"found --hidden {request.hidden} without --parts separate; one mesh hides nothing, so give "
+                "both or none"
+            )
+        return
+    if request.build.content != "rigged" or not wanted.parts:
+        raise InputError(
+            "found --parts separate, but what is made holds no rigged parts; choose glb, vrm or usdz, and a "
+            "scene that moves"
+        )
+    if request.levels or request.chosen:
+        raise InputError(
+            "found --parts separate with --lods, --tolerance or --budget, which are of one mesh; leave those "
+            "out"
+        )
 
 
 def require_map(option: str, size: int | None, held: bool) -> None:

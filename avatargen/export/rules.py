@@ -2,6 +2,7 @@
 loads any, and every request asks again.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from avatargen.errors import InputError
@@ -60,6 +61,17 @@ def check_source(*, source: str | None, wardrobe: Path | None, weights: Path | N
         raise InputError(
             f"found no folder {wardrobe}; get MakeHuman's assets (CC0, makehumancommunity.org) and name the "
             "folder that holds clothes/, hair/, skins/ and eyes/, or leave --wardrobe out"
+        )
+
+
+def check_wear(wear: Mapping[str, int], source: str | None, wardrobe: Path | None, count: int) -> None:
+    """Raises InputError where a garment is borrowed twice, or of people who have none to lend."""
+    if len(wear) < count:
+        raise InputError("found --wear with a garment twice; one seed lends each, so give it once")
+    if wear and source == "wardrobe" and wardrobe is None:
+        raise InputError(
+            "found --wear with the procedural wardrobe, whose people are one field; give --wardrobe too, or "
+            "leave --from out"
         )
 
 

@@ -64,6 +64,11 @@ class Layer(Protocol):
     """One thing worn."""
 
     @property
+    def kind(self) -> str:
+        """What it is: top, bottom, ..., hair."""
+        ...
+
+    @property
     def opening(self) -> Opening | None:
         """Of a hat, under which hair stays."""
         ...

@@ -7,6 +7,7 @@ are left out stay None. Only what `--help` and bad arguments need is imported be
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ from avatargen.commands.line import (
     quantity,
     whole_number,
 )
-from avatargen.commands.seeds import RANDOM, draw_seed, many_seeds, one_seed
+from avatargen.commands.seeds import LENT, RANDOM, borrowed, draw_seed, many_seeds, one_seed
 from avatargen.errors import InputError
 from avatargen.wardrobe.choosing import SHOWN, VALUES, shown
 
@@ -47,6 +48,8 @@ examples:
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
   avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
+  avatar-export --seed 3 --parts separate --out dressed.glb
+  avatar-export --seed 3 --wear 8:top,outer --wear 5:shoes
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
@@ -88,6 +91,7 @@ def make_parser() -> ArgumentParser:
     add_trait_options(parser.add_argument_group("the person's traits, else as the seed has them"))
     add_file_options(parser.add_argument_group("the files"))
     add_asset_options(parser.add_argument_group("the asset"))
+    add_part_options(parser.add_argument_group("its parts"))
     add_picture_options(parser.add_argument_group("its pictures"))
     add_rig_options(parser.add_argument_group("the rig"))
     add_animation_options(parser.add_argument_group("animations"))
@@ -122,6 +126,13 @@ def add_person_options(group: _ArgumentGroup) -> None:
         type=Path,
         metavar="DIR",
         help="with --from wardrobe: a folder of MakeHuman's assets to wear (default: the procedural clothes)",
+    )
+    add(
+        "--wear",
+        action="append",
+        type=borrowed,
+        metavar="SEED:GARMENT,..",
+        help=f"garments of another seed, of {', '.join(LENT)}; may be repeated",
     )
     add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
@@ -241,6 +252,23 @@ def add_asset_options(group: _ArgumentGroup) -> None:
     )
 
 
+def add_part_options(group: _ArgumentGroup) -> None:
+    """One mesh or several."""
+    add = group.add_argument
+    add(
+        "--parts",
+        choices=("merged", "separate"),
+        help="separate: body, each garment and hair are meshes with textures of their own, in glb, vrm and "
+        "usdz; the faces are shared out among them (default: merged, one closed mesh)",
+    )
+    add(
+        "--hidden",
+        choices=("drop", "keep"),
+        help="with --parts separate, what clothes hide of the body: left out and closed up, or kept inside "
+        "them (default: drop)",
+    )
+
+
 def add_picture_options(group: _ArgumentGroup) -> None:
     """Textures."""
     add = group.add_argument
@@ -350,6 +378,8 @@ def make_request(options: Namespace) -> "ExportRequest":
     from exporters.encoding import Encoding
 
     options.seeds = options.seed if options.seeds is None else options.seeds
+    if options.wear is not None:
+        options.wear = tuple(sorted(chain(*options.wear)))
     if options.lods is not None:
         options.faces, *options.levels = options.lods
     if options.pose is not None and options.pose.lower() in NAMED_POSES:

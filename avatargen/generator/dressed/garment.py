@@ -37,6 +37,10 @@ class WornGarment:
     appearance: Appearance
 
     @property
+    def kind(self) -> str:
+        return self.ready.config.kind
+
+    @property
     def hidden(self) -> Bool[np.ndarray, " V"]:
         return self.ready.hidden
 

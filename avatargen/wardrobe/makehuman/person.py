@@ -107,6 +107,10 @@ class WornCloth:
     appearance: Dye
 
     @property
+    def kind(self) -> str:
+        return self.garment.solid.garment.kind
+
+    @property
     def hidden(self) -> Bool[np.ndarray, " V"]:
         return self.garment.hidden
 
@@ -136,6 +140,10 @@ class WornHair:
 
     strands: Strands
     appearance: HairDye
+
+    @property
+    def kind(self) -> str:
+        return "hair"
 
     @property
     def hidden(self) -> Bool[np.ndarray, " V"]:

@@ -1,0 +1,120 @@
+"""Several assets on one skeleton as one: a person's body, garments and hair. `assets.asset.asset.apart` takes
+them apart again.
+
+Joined, they are one asset like any other, so it is animated, named and drawn as one: vertices and faces
+follow one another, and the pictures are laid out as squares of one. The first part's square has half the side
+of that picture, the others' a quarter: there is room for twelve.
+
+    +-------+---+---+
+    |       | 2 | 3 |
+    |   1   +---+---+
+    |       | 4 | 5 |
+    +---+---+---+---+
+    | 6 | 7 | 8 | 9 |   ...
+
+Letters: S texels along a side of the whole.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import accumulate, pairwise
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import UInt8
+
+from assets.asset.asset import Asset, Part, Report
+from assets.texture.normal_map import NormalMap
+from avatargen.errors import InputError
+
+QUARTERS = [  # top left corners, in uv, of all but the first
+    (x / 4, y / 4) for y in range(4) for x in range(4) if not (x < 2 and y < 2)
+]
+FIRST, OTHER = 0.5, 0.25  # sides, in uv
+
+
+def join(parts: Mapping[str, Asset], report: Report | None = None) -> Asset:
+    """Assets by name, on the same skeleton and with the same kinds of pictures, as one. The first one's
+    pictures have twice the side of the others'.
+
+    Raises:
+        InputError: there are more than fit on one picture, or their pictures have other sizes.
+    """
+    assets = list(parts.values())
+    if not 0 < len(assets) <= 1 + len(QUARTERS):
+        raise InputError(f"parts: found {len(assets)}, wanted 1 to {1 + len(QUARTERS)}; leave some out")
+    corners, sides = [(0.0, 0.0), *QUARTERS], [FIRST, *[OTHER] * len(QUARTERS)]
+    vertices = bounds(len(each.vertices) for each in assets)
+    faces = bounds(len(each.faces) for each in assets)
+    first, maps = assets[0], found(each.normal_map for each in assets)
+    welded, occlusion = found(a.welded for a in assets), found(a.occlusion for a in assets)
+    canonical = found(each.canonical for each in assets)
+    return replace(
+        first,
+        vertices=np.concatenate([each.vertices for each in assets]),
+        normals=np.concatenate([each.normals for each in assets]),
+        faces=shifted([each.faces for each in assets], vertices),
+        welded=shifted(welded, bounds(int(each.max()) + 1 for each in welded)) if welded else None,
+        canonical=np.concatenate(canonical) if canonical else None,
+        uv=np.concatenate(
+            [(a.uv * side + c).astype(np.float32) for a, c, side in zip(assets, corners, sides, strict=False)]
+        ),
+        texture=sheet([each.texture for each in assets]),
+        normal_map=NormalMap(
+            texels=sheet([each.texels for each in maps]),
+            tangents=np.concatenate([each.tangents for each in maps]),
+        )
+        if maps
+        else None,
+        occlusion=sheet(occlusion) if occlusion else None,
+        joints=np.concatenate([each.joints for each in assets]),
+        weights=np.concatenate([each.weights for each in assets]),
+        morphs=tuple(
+            replace(morph, vertices=np.concatenate([each.morphs[number].vertices for each in assets]))
+            for number, morph in enumerate(first.morphs)
+        ),
+        report=report,
+        parts=tuple(
+            Part(name=name, vertices=v, faces=f, corner=c, side=side)
+            for name, v, f, c, side in zip(parts, vertices, faces, corners, sides, strict=False)
+        ),
+    )
+
+
+T = TypeVar("T")
+
+
+def found(values: Iterable[T | None]) -> list[T]:
+    """All of them, or none where one is None."""
+    values = list(values)
+    kept = [value for value in values if value is not None]
+    return kept if len(kept) == len(values) else []
+
+
+def shifted(numbers: list[np.ndarray], ranges: list[tuple[int, int]]) -> np.ndarray:
+    """Numbers of each of several within all of them."""
+    return np.concatenate([each + start for each, (start, _) in zip(numbers, ranges, strict=True)])
+
+
+def bounds(counts: Iterable[int]) -> list[tuple[int, int]]:
+    """Where each of several begins and ends, one after another."""
+    return list(pairwise(accumulate(counts, initial=0)))
+
+
+def sheet(pictures: Sequence[UInt8[np.ndarray, "_ _ *C"]]) -> UInt8[np.ndarray, "S S *C"]:
+    """Square pictures laid out on one; it is black where there is none.
+
+    Raises:
+        InputError: the others' sides are not half of the first's.
+    """
+    quarter = len(pictures[0]) // 2
+    if len(pictures[0]) != 2 * quarter or any(len(each) != quarter for each in pictures[1:]):
+        sizes = [len(each) for each in pictures]
+        raise InputError(
+            f"parts: found pictures of {sizes} texels; all but the first must have half its side"
+        )
+    whole = np.zeros((4 * quarter, 4 * quarter, *pictures[0].shape[2:]), np.uint8)
+    for picture, (u, v) in zip(pictures, [(0.0, 0.0), *QUARTERS], strict=False):
+        x, y = round(u * len(whole)), round(v * len(whole))
+        whole[y : y + len(picture), x : x + len(picture)] = picture
+    return whole
