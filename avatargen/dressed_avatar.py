@@ -34,7 +34,6 @@ from avatargen.shipped import shipped
 from avatargen.wardrobe.appearance import Dye, HairDye
 from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.dressed import DressedField
-from avatargen.wardrobe.makehuman.borrow import borrow
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, Item, choose, draw_latent
 from avatargen.wardrobe.makehuman.condition import condition
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
@@ -88,6 +87,8 @@ class DressedSampler:
         draw = Draw(truncation * z)
         person = self.choose(draw)
         if wear:
+            from avatargen.wardrobe.makehuman.borrow import borrow  # most people wear their own
+
             person = borrow(person, lambda lender: self.lender(lender, truncation), wear)
         betas = self.betas(draw, chosen.height)
         height = float(np.ptp(shape(self.body.source, betas).vertices[:, 1]))
