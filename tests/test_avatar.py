@@ -154,6 +154,7 @@ def test_another_body_wears_the_same_people(monkeypatch: pytest.MonkeyPatch, tmp
 
 def test_the_body_distance_is_shared_between_people(sampler: AvatarSampler):
     first, second = sampler.sample(0), sampler.sample(1)
+    assert isinstance(first.field, PersonField) and isinstance(second.field, PersonField)
     assert first.field.distance is second.field.distance
     points = points_near_body(50)[0][0].numpy()
     assert np.array_equal(

@@ -9,6 +9,7 @@ import torch
 from avatargen.avatar import load_single
 from avatargen.body.distance import BodyHit
 from avatargen.generator.gathering import Rows, gathering_of
+from avatargen.generator.person_field import PersonField
 from avatargen.generator.planes import lookup_bilinear, plane_table
 from avatargen.shipped import shipped
 from tests.generators import capsule_canonical, capsule_distance, points_near_body, random_generator
@@ -74,6 +75,7 @@ def given_shares(rows: Rows, shape: tuple[int, ...]) -> np.ndarray:
 
 def test_the_shipped_person_is_the_same_with_and_without():
     avatar = load_single(shipped("generator.safetensors")).sample(3)
+    assert isinstance(avatar.field, PersonField)
     by_torch = replace(avatar, field=replace(avatar.field, gathering=None))
     draw = np.random.default_rng(0)
     vertices = avatar.body.vertices[draw.integers(0, len(avatar.body.vertices), 20_000)]

@@ -1,5 +1,8 @@
 """A person in parts: each closed and on one skeleton, none coming through another, in files as in memory."""
 
+# USD's modules fill themselves when they load, so their names are unknown before.
+# pyright: reportAttributeAccessIssue=false
+
 import functools
 import json
 import subprocess

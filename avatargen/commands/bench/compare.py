@@ -13,6 +13,7 @@ from avatargen.avatar import Avatar, Sampler
 from avatargen.commands.bench.cost import Cost, measured
 from avatargen.commands.bench.peer import (
     PeerConfig,
+    paper_field,
     run_peer,
     with_cheap_distance,
     with_distance,
@@ -61,7 +62,7 @@ def compare(
     name = f"dense {peer.resolution}³"
     people = {
         name: with_libigl(avatar),
-        f"{name}, our distance": with_distance(avatar, avatar.field.distance),
+        f"{name}, our distance": with_distance(avatar, paper_field(avatar).distance),
         f"{name}, cheap distance": with_cheap_distance(avatar),
     }
     for recipe, person in people.items():

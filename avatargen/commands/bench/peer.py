@@ -28,6 +28,7 @@ from assets.texture.atlas import Atlas
 from assets.texture.bake import BakeConfig, bake_texture
 from avatargen.avatar import Avatar
 from avatargen.body.distance import BodyDistance, BodyHit
+from avatargen.generator.person_field import PersonField
 from exporters.png import encode_png
 
 NODE = 0.02  # metres between the nodes of the cheap distance
@@ -108,19 +109,25 @@ def cube_around(avatar: Avatar) -> Float64[np.ndarray, "2 3"]:
     return np.stack([(low + high) / 2 - half, (low + high) / 2 + half])
 
 
+def paper_field(avatar: Avatar) -> PersonField:
+    """The field of a person of the paper's generator, whom the bench measures."""
+    assert isinstance(avatar.field, PersonField)
+    return avatar.field
+
+
 def with_libigl(avatar: Avatar) -> Avatar:
     """The same person, whose body distance comes from libigl's tree."""
-    return with_distance(avatar, LibiglDistance(avatar.field.distance))
+    return with_distance(avatar, LibiglDistance(paper_field(avatar).distance))
 
 
 def with_cheap_distance(avatar: Avatar) -> Avatar:
     """The same person, whose body distance is read off a grid."""
-    return with_distance(avatar, CheapDistance(avatar.field.distance, cube_around(avatar)))
+    return with_distance(avatar, CheapDistance(paper_field(avatar).distance, cube_around(avatar)))
 
 
 def with_distance(avatar: Avatar, distance: BodyDistance) -> Avatar:
     """The same person on another distance, with networks as relatives ask them: by torch alone."""
-    field = dataclasses.replace(avatar.field, distance=distance, gathering=None)
+    field = dataclasses.replace(paper_field(avatar), distance=distance, gathering=None)
     return dataclasses.replace(avatar, field=field)
 
 
