@@ -9,6 +9,7 @@ import subprocess
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import igl
 import numpy as np
@@ -23,7 +24,7 @@ from assets.asset.parts import join
 from assets.errors import GeometryError
 from assets.mesh.surface import Surface, count_pieces, find_defects
 from assets.poke import depth_outside, poke_through, surface_of
-from assets.separate import build_parts
+from assets.separate import Hidden, build_parts
 from assets.skin.attach import attach
 from assets.skin.follow import Above, follow
 from assets.skin.skin import SkinConfig, skin_attached
@@ -95,9 +96,14 @@ class Dressed(Layer):
         return {name: Layer(name, self.body, self.betas, self.info) for name in parts}
 
     @property
-    def hidden(self):
-        layers = self.layers
-        return sum(layers[name].cover(self.body.vertices.astype(np.float64)) for name in layers) > 0.3
+    def hidden(self) -> np.ndarray:
+        covers = [layer.cover(self.body.vertices.astype(np.float64)) for layer in self.layers.values()]
+        return np.sum(covers, axis=0) > 0.3
+
+
+def taken(asset: Asset) -> dict[str, Any]:
+    """Its parts by name, with all that these may have."""
+    return dict(apart(asset))
 
 
 @functools.cache
@@ -109,7 +115,7 @@ def person() -> Dressed:
 
 
 @functools.cache
-def built(hidden="drop", pose="a", **settings) -> Asset:
+def built(hidden: Hidden = "drop", pose="a", **settings) -> Any:
     return build_parts(person(), replace(CONFIG, pose=pose, **settings), hidden)
 
 
@@ -121,9 +127,10 @@ def surely(layer: Layer, points: np.ndarray) -> np.ndarray:
     return layer.cover(points) == 1
 
 
-def nearest(inner: Surface, outer: Surface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def nearest(inner: Surface, outer: Surface) -> Any:
     """Of each vertex the corners and weights of the closest point of another surface, by libigl."""
-    _, face, closest = igl.point_mesh_squared_distance(inner.vertices, outer.vertices, outer.faces)
+    found: Any = igl.point_mesh_squared_distance(inner.vertices, outer.vertices, outer.faces)
+    _, face, closest = found
     corners = outer.faces[face]
     a, b, c = (np.ascontiguousarray(outer.vertices[corners[:, k]]) for k in range(3))
     return corners, igl.barycentric_coordinates(np.ascontiguousarray(closest), a, b, c), closest
@@ -140,7 +147,7 @@ def in_pose(turns: dict[str, tuple[float, float, float]]) -> np.ndarray:
 @pytest.mark.parametrize("hidden", ["drop", "keep"])
 def test_every_part_is_closed_and_the_faces_add_up(hidden):
     asset = built(hidden)
-    parts = apart(asset)
+    parts = taken(asset)
     assert list(parts) == ["body", "shoes", "top"]
     assert abs(len(asset.faces) - 2400) <= 0.02 * 2400
     for name, part in parts.items():
@@ -157,7 +164,7 @@ def test_every_part_is_closed_and_the_faces_add_up(hidden):
 
 
 def test_what_is_seen_gets_the_faces_that_what_is_hidden_had():
-    kept, dropped = (apart(built(hidden)) for hidden in ("keep", "drop"))
+    kept, dropped = (taken(built(hidden)) for hidden in ("keep", "drop"))
     assert len(dropped["top"].faces) > 1.1 * len(kept["top"].faces)
     assert len(dropped["body"].faces) < len(kept["body"].faces)
 
@@ -183,12 +190,13 @@ def test_what_is_hidden_stays_inside_as_it_moves_along():
     asset = built("keep")
     loose = build_parts(Loose(**vars(person())), CONFIG, "keep")
     covers = {name: partial(surely, layer) for name, layer in person().layers.items()}
-    for turns in (
+    poses: tuple[dict[str, tuple[float, float, float]], ...] = (
         {},
         {"left_shoulder": (0, 0, 80), "right_shoulder": (0, 0, -80)},
         {"left_hip": (-90, 0, 0), "right_hip": (-90, 0, 0), "left_knee": (90, 0, 0)},
         {"left_hip": (-30, 0, 0), "right_hip": (25, 0, 0), "spine1": (15, 20, 0)},
-    ):
+    )
+    for turns in poses:
         found = poke_through(asset, covers, in_pose(turns))
         alone = poke_through(loose, covers, in_pose(turns))
         assert set(found) == {"body"}
@@ -207,7 +215,7 @@ def test_depth_is_the_way_out_of_a_ball():
 def test_what_is_hidden_takes_the_weights_above_it_and_the_rest_keeps_its_own():
     body = person().body
     skin_of = lambda surface: skin_attached(attach(surface, body), body, SkinConfig())  # noqa: E731
-    inner, outer = (canonical(apart(built("keep"))[name]) for name in ("body", "top"))
+    inner, outer = (canonical(taken(built("keep"))[name]) for name in ("body", "top"))
     own, above = skin_of(inner), skin_of(outer)
     share = (np.abs(inner.vertices[:, 0]) < 0.3).astype(np.float64)
     over = Above(surface=outer, skin=above, attachment=attach(outer, body), share=share)
@@ -224,7 +232,7 @@ def test_what_is_hidden_takes_the_weights_above_it_and_the_rest_keeps_its_own():
 
 
 def test_nothing_hidden_changes_nothing_and_a_hole_is_closed_by_a_fan():
-    part = apart(built("keep"))["body"]
+    part = taken(built("keep"))["body"]
     assert without_hidden(part, np.zeros(len(part.vertices), bool)) is part
     hidden = np.abs(part.canonical[:, 0]) < 0.25
     left = without_hidden(part, hidden)
@@ -237,8 +245,8 @@ def test_nothing_hidden_changes_nothing_and_a_hole_is_closed_by_a_fan():
 
 
 def test_parts_come_apart_as_they_were_joined():
-    parts = apart(built(normal_map=32, ambient_occlusion=32, morphs=True))
-    again = apart(join(parts))
+    parts = taken(built(normal_map=32, ambient_occlusion=32, morphs=True))
+    again = taken(join(parts))
     for name, part in parts.items():
         for field in (
             "vertices",
@@ -259,7 +267,7 @@ def test_parts_come_apart_as_they_were_joined():
 def test_every_sum_of_sliders_moves_all_parts_together():
     """A slider moves a shirt as it moves the skin beneath it."""
     asset = built("keep", morphs=True)
-    parts = apart(asset)
+    parts = taken(asset)
     inner, outer = parts["body"], parts["top"]
     cover = surely(person().layers["top"], inner.canonical)
     corners, shares, _ = nearest(canonical(inner), canonical(outer))
@@ -296,7 +304,7 @@ def test_what_is_of_one_mesh_is_refused(tmp_path):
     with pytest.raises(InputError, match="300 at least"):
         build_parts(person(), replace(CONFIG, faces=200))
     with pytest.raises(InputError, match="1 to 13"):
-        join({str(n): apart(built())["top"] for n in range(14)})
+        join({str(n): taken(built())["top"] for n in range(14)})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -307,8 +315,9 @@ def test_a_glb_holds_every_part_with_its_material_and_picture(tmp_path):
     found = read_glb(tmp_path / "a.glb")
     assert isinstance(found, Asset)
     assert [part.name for part in found.parts] == ["body", "shoes", "top"]
-    for name, part in apart(found).items():
-        wanted = apart(asset)[name]
+    parts: Any = taken(found)
+    for name, part in parts.items():
+        wanted: Any = taken(asset)[name]
         assert np.array_equal(part.faces, wanted.faces)
         assert np.abs(part.vertices - wanted.vertices).max() < 1e-6
         assert np.array_equal(part.texture, wanted.texture)
@@ -363,6 +372,6 @@ def test_a_part_must_have_faces_of_its_own():
 
 def test_a_part_rests_where_its_person_does():
     """Parts share the pose and the ground of the whole: shoes do not stand where the body alone would."""
-    parts = apart(built("keep"))
+    parts = taken(built("keep"))
     assert parts["top"].vertices[:, 1].min() > 0.8
     assert named_pose("a", built().skeleton.joint_names).shape == (24, 3)
