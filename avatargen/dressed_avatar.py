@@ -133,10 +133,7 @@ class DressedSampler:
     @cached_property
     def items(self) -> Mapping[str, Item]:
         """What there is to choose among."""
-        skin = self.config.skin
-        drawn = [DrawnItem(name=name, kind="brows") for name in skin.brows]
-        drawn += [DrawnItem(name=name, kind="lashes") for name in skin.lashes]
-        return {each.name: each for each in (*self.config.garments, *drawn)}
+        return {each.name: each for each in self.config.garments}
 
     def dress(self, person: Attributes) -> DressedField:
         """The field of a person."""
@@ -174,16 +171,6 @@ class DressedSampler:
         if height is not None:
             betas = self.sizing.sized(betas, torch.full((1, 1), height))
         return betas[0].numpy()
-
-
-@dataclass(frozen=True, kw_only=True)
-class DrawnItem:
-    """What is drawn on the face and is no garment."""
-
-    name: str
-    kind: str
-    tags: tuple[str, ...] = ()
-    own_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = None) -> DressedSampler:

@@ -6,6 +6,7 @@ import pytest
 
 from avatargen import load_generator
 from avatargen.errors import InputError
+from avatargen.wardrobe.face_paint import FaceLines
 from avatargen.wardrobe.makehuman.borrow import borrow, worn_by
 from avatargen.wardrobe.makehuman.choose import Attributes
 
@@ -17,8 +18,7 @@ PLAIN = Attributes(
     skin_mix=0.0,
     skin_tint=(1.0, 1.0, 1.0),
     eyes="blue",
-    brows="",
-    lashes="",
+    face=FaceLines(brow_width=0.5, brow_arch=0.5, lashes=0.5, brow_colour=(0.1, 0.1, 0.1)),
     hair=None,
     hair_colour=(0.1, 0.1, 0.1),
     garments=(),

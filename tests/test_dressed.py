@@ -48,7 +48,7 @@ from tests.small_wardrobe import write_skins, write_tube
 
 CONFIG = PeopleConfig(
     learning=LearningConfig(cloth=0.008, small=0.006),
-    skin=SkinCut(patterns=6, body=1, hands=1, head=2, drawn=1),
+    skin=SkinCut(patterns=6, body=1, hands=1, head=2),
 )
 
 

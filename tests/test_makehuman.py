@@ -365,7 +365,7 @@ def wardrobe(body) -> ArtistWardrobe:
 @real
 def test_every_real_garment_lies_on_the_body(wardrobe, body):
     kinds = {garment.kind for garment in wardrobe.garments.values()}
-    assert kinds >= {"top", "bottom", "outer", "overall", "shoes", "socks", "hat", "hair", "brows", "lashes"}
+    assert kinds >= {"top", "bottom", "outer", "overall", "shoes", "socks", "hat", "hair"}
     for garment in wardrobe.garments.values():
         distance = body.distance.query(garment.vertices).distance
         if garment.kind != "hair":

@@ -14,8 +14,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from avatargen.wardrobe.attributes import LATENT_SIZE, People
+from avatargen.wardrobe.attributes import LATENT_SIZE, People, coordinate
 from avatargen.wardrobe.colour_names import colour_name
+from avatargen.wardrobe.dyes import BOTTOMS, COATS, SUITS, TOPS, Dyes
+from avatargen.wardrobe.face_paint import FaceLines
 from avatargen.wardrobe.makehuman.words import garment_word, hair_color_word, hair_word
 from avatargen.wardrobe.skin import HAIR_TONES
 
@@ -44,13 +46,17 @@ NEW = (
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
 THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the back
-BROWS = {  # of MakeHuman's, those that frown least
-    "woman": ("eyebrow001", "eyebrow004", "eyebrow006", "eyebrow008", "eyebrow011"),
-    "man": ("eyebrow001", "eyebrow004", "eyebrow008", "eyebrow010", "eyebrow012"),
-}
 HATS = 0.08  # share of people who wear one
-DARK_IRISES = ("brown", "brown", "brownlight")
+DARK_IRISES = ("brown", "brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
+DYED = {  # kind: the colour's coordinates and what they choose among
+    "top": ("top", TOPS),
+    "outer": ("outer", COATS),
+    "bottom": ("bottom", BOTTOMS),
+    "overall": ("bottom", BOTTOMS),
+    "hat": ("second", COATS),
+}
+OWN_COLOUR = {"top": 0.2, "outer": 0.2, "bottom": 0.4, "overall": 0.4, "hat": 0.5}  # share that keeps it
 WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a person's description
 
 
@@ -59,7 +65,7 @@ T = TypeVar("T")
 
 @runtime_checkable
 class Item(Protocol):
-    """What can be chosen: a garment, hair, brows, lashes. `own_color` is its artist's, on the whole, sRGB."""
+    """What can be chosen: a garment or hair. `own_color` is its artist's, on the whole, sRGB."""
 
     @property
     def name(self) -> str: ...
@@ -85,8 +91,7 @@ class Attributes:
     skin_mix: float  # share of the second
     skin_tint: tuple[float, float, float]  # factors on the skin
     eyes: str
-    brows: str
-    lashes: str
+    face: FaceLines
     hair: str | None
     hair_colour: tuple[float, float, float]
     garments: tuple[str, ...]  # from the skin outward
@@ -143,12 +148,11 @@ class Draw:
         """One of the options, all as likely."""
         return options[min(int(self.share(name) * len(options)), len(options) - 1)]
 
-    def colour(
-        self, name: str, low: float = 0.06, high: float = 0.92, chroma: float = 0.2
-    ) -> tuple[float, float, float]:
-        """A colour of the procedural coding."""
-        r, g, b = self.people.colour(name, low, high, chroma=chroma)[0, 0].tolist()
-        return (r, g, b)
+    def dye(self, name: str, among: Dyes) -> tuple[float, float, float]:
+        """One of the dyes, by a colour's three coordinates."""
+        first = coordinate(name)
+        lighter, clearer = self.people.z[0, first + 1 : first + 3].tolist()
+        return among.dye(self.share(name), lighter, clearer)
 
 
 def natural_hair(share: float, dark: float, age: float, grey: float) -> tuple[float, float, float]:
@@ -191,9 +195,7 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
     worn, colours, prints = outfit(draw, garments, woman)
     shades = [garments[n].own_color if c is None else c for n, c in zip(worn, colours, strict=True)]
     hair = hair_style(draw, garments, woman, dark)
-    brows = [g.name for g in garments.values() if g.kind == "brows"]
-    brows = [name for name in brows if name in BROWS["woman" if woman else "man"]] or brows
-    lashes = [g.name for g in garments.values() if g.kind == "lashes"]
+    colour = natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear"))
     return Attributes(
         sex="woman" if woman else "man",
         age=age,
@@ -202,17 +204,28 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
         skin_mix=mixed,
         skin_tint=tint,
         eyes=str(draw.one_of("eyes", tuple(options))),
-        brows=str(draw.one_of("brows", tuple(sorted(brows)))) if brows else "",
-        lashes=str(draw.one_of("lashes", tuple(sorted(lashes)))) if lashes else "",
+        face=face_lines(draw, woman, colour),
         hair=hair,
-        hair_colour=natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear")),
+        hair_colour=colour,
         garments=tuple(worn),
         colours=tuple(colours),
         kinds=tuple(garments[name].kind for name in worn),
         shades=tuple(shades),
         prints=tuple(prints),
-        print_colour=draw.colour("second"),
+        print_colour=draw.dye("second", TOPS),
         print_width=0.006 + 0.03 * draw.share("print_scale"),
+    )
+
+
+def face_lines(draw: Draw, woman: bool, hair: tuple[float, float, float]) -> FaceLines:
+    """Brows a good deal darker than the hair: women's are finer and higher, and their lashes longer."""
+    width, arch = draw.share("brows"), draw.share("lashes")
+    r, g, b = (0.02 + 0.55 * channel for channel in hair)
+    return FaceLines(
+        brow_width=0.15 + 0.35 * width if woman else 0.5 + 0.5 * width,
+        brow_arch=0.5 + 0.5 * arch if woman else 0.1 + 0.5 * arch,
+        lashes=0.8 if woman else 0.2,
+        brow_colour=(r, g, b),
     )
 
 
@@ -270,19 +283,13 @@ def outfit_of(garment: Item) -> str:
 
 def garment_colour(draw: Draw, garment: Item) -> tuple[float, float, float] | None:
     """The colour that a garment is dyed, None for the artist's own."""
-    if "Elegant" in garment.tags and "Male" in garment.tags:  # suits are worn in dark colours
-        return draw.colour("outer", 0.05, 0.35, chroma=0.05) if draw.share("top_plain") > 0.4 else None
-    if garment.kind in ("top", "outer"):
-        return (
-            draw.colour("top" if garment.kind == "top" else "outer")
-            if draw.share("top_plain") > 0.2
-            else None
-        )
-    if garment.kind == "hat":
-        return draw.colour("second", 0.05, 0.6) if draw.share("bottom_plain") > 0.5 else None
-    if garment.kind in ("bottom", "overall"):
-        return draw.colour("bottom", 0.06, 0.5) if draw.share("bottom_plain") > 0.4 else None
-    return None
+    plain = "bottom_plain" if garment.kind in ("bottom", "overall", "hat") else "top_plain"
+    if draw.share(plain) < OWN_COLOUR.get(garment.kind, 1.0):
+        return None
+    if "Elegant" in garment.tags and "Male" in garment.tags:
+        return draw.dye("outer", SUITS)
+    name, among = DYED[garment.kind]
+    return draw.dye(name, among)
 
 
 def print_kind(draw: Draw) -> str:

@@ -220,10 +220,8 @@ class Wardrobe:
                 body=self.body,
                 skin=self.skin(found),
                 iris=read_texture(self.irises[found.eyes]),
-                brows=self.garments.get(found.brows),
-                lashes=self.garments.get(found.lashes),
+                lines=found.face,
                 chest_covered=found.sex == "woman",
-                brow_colour=0.55 * np.array(found.hair_colour) + 0.02,
             ),
             garments=tuple(
                 self.wear(name, colour, kind, found)
