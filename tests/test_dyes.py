@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from avatargen.wardrobe.colour_names import NAMES, colour_name, lab
-from avatargen.wardrobe.dyes import BOTTOMS, COATS, SUITS, TOPS, Dyes
+from avatargen.wardrobe.dyes import BOTTOMS, COATS, SHOES, SUITS, TOPS, Dyes
 
-ALL = {"tops": TOPS, "bottoms": BOTTOMS, "coats": COATS, "suits": SUITS}
+ALL = {"tops": TOPS, "bottoms": BOTTOMS, "coats": COATS, "suits": SUITS, "shoes": SHOES}
 
 
 @pytest.mark.parametrize("among", ALL.values(), ids=ALL)

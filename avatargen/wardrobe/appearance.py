@@ -14,7 +14,8 @@ from jaxtyping import Float
 
 from avatargen.wardrobe.colour_names import lab
 
-TRIM = 0.7  # of an artist's contrast of hue that stays
+TRIM = 0.7  # of an artist's contrast of hue that stays under a dye of a clear colour
+CLEAR = 40.0  # chroma of such a dye; under a grey one little of it stays: washed denim is not brown
 INK = 0.9  # how much of the cloth's colour a print covers
 
 Rgb = tuple[float, float, float]
@@ -74,7 +75,8 @@ def dyed(own: Float[np.ndarray, "N 3"], middle: tuple[float, float, float], dye:
     wanted = lab(np.array(dye)[None])[0]
     # dark cloth shows less of its folds, light cloth no more than white allows
     contrast = np.clip(0.35 + wanted[0] / max(middle[0], 25.0), 0.4, 1.2)
-    new = wanted + (lab(np.asarray(own, dtype=np.float64).clip(0, 1)) - middle) * (contrast, TRIM, TRIM)
+    trim = TRIM * min(0.3 + float(np.hypot(*wanted[1:])) / CLEAR, 1.0)
+    new = wanted + (lab(np.asarray(own, dtype=np.float64).clip(0, 1)) - middle) * (contrast, trim, trim)
     return rgb_of(new)
 
 

@@ -1,4 +1,4 @@
-"""Colours that clothes are dyed in: those that shops sell, each a little different on each person.
+"""Colours that clothes and shoes are dyed in: those that shops sell, each a little different on each person.
 
 Bottoms leave out what looks like skin. sRGB 0..1.
 """
@@ -105,6 +105,17 @@ COATS = dyes(
     (1, (0.85, 0.69, 0.30)),  # yellow
     (1, (0.85, 0.62, 0.68)),  # rose
     (2, (0.90, 0.89, 0.86)),  # white
+)
+SHOES = dyes(  # of leather
+    (10, (0.09, 0.09, 0.10)),  # black
+    (7, (0.25, 0.17, 0.12)),  # brown
+    (5, (0.46, 0.31, 0.20)),  # tan
+    (3, (0.13, 0.16, 0.25)),  # navy
+    (3, (0.36, 0.36, 0.37)),  # grey
+    (2, (0.33, 0.11, 0.14)),  # burgundy
+    (1, (0.45, 0.11, 0.12)),  # red
+    (2, (0.62, 0.54, 0.43)),  # sand
+    (1, (0.24, 0.28, 0.20)),  # olive
 )
 SUITS = dyes(
     (10, (0.12, 0.14, 0.22)),  # navy

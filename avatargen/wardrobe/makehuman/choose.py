@@ -16,7 +16,7 @@ from torch import Tensor
 
 from avatargen.wardrobe.attributes import LATENT_SIZE, People, coordinate
 from avatargen.wardrobe.colour_names import colour_name
-from avatargen.wardrobe.dyes import BOTTOMS, COATS, SUITS, TOPS, Dyes
+from avatargen.wardrobe.dyes import BOTTOMS, COATS, SHOES, SUITS, TOPS, Dyes
 from avatargen.wardrobe.face_paint import FaceLines
 from avatargen.wardrobe.makehuman.words import garment_word, hair_color_word, hair_word
 from avatargen.wardrobe.skin import HAIR_TONES
@@ -49,14 +49,14 @@ THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the bac
 HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
-DYED = {  # kind: the colour's coordinates and what they choose among
-    "top": ("top", TOPS),
-    "outer": ("outer", COATS),
-    "bottom": ("bottom", BOTTOMS),
-    "overall": ("bottom", BOTTOMS),
-    "hat": ("second", COATS),
+DYED = {  # kind: coordinates of its colour, the dyes, what decides whether it keeps its own, and how many do
+    "top": ("top", TOPS, "top_plain", 0.2),
+    "outer": ("outer", COATS, "top_plain", 0.2),
+    "bottom": ("bottom", BOTTOMS, "bottom_plain", 0.4),
+    "overall": ("bottom", BOTTOMS, "bottom_plain", 0.4),
+    "hat": ("second", COATS, "bottom_plain", 0.5),
+    "shoes": ("shoe", SHOES, "spare_too", 0.4),
 }
-OWN_COLOUR = {"top": 0.2, "outer": 0.2, "bottom": 0.4, "overall": 0.4, "hat": 0.5}  # share that keeps it
 WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a person's description
 
 
@@ -116,7 +116,7 @@ class Attributes:
         for kind in WORN:
             place = self.kinds.index(kind) if kind in self.kinds else None
             found[kind] = "none" if place is None else garment_word(self.garments[place], kind)
-            if place is not None and kind != "shoes":
+            if place is not None:
                 found[f"{kind}_color"] = colour_name(np.array(self.shades[place]))
         covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall")]
         found["pattern"] = self.prints[covering[-1]] if covering else "plain"
@@ -283,12 +283,13 @@ def outfit_of(garment: Item) -> str:
 
 def garment_colour(draw: Draw, garment: Item) -> tuple[float, float, float] | None:
     """The colour that a garment is dyed, None for the artist's own."""
-    plain = "bottom_plain" if garment.kind in ("bottom", "overall", "hat") else "top_plain"
-    if draw.share(plain) < OWN_COLOUR.get(garment.kind, 1.0):
+    if garment.kind not in DYED or garment_word(garment.name, garment.kind) == "sneakers":
+        return None  # sneakers are of several colours
+    name, among, plain, own = DYED[garment.kind]
+    if draw.share(plain) < own:
         return None
-    if "Elegant" in garment.tags and "Male" in garment.tags:
+    if garment.kind != "shoes" and {"Elegant", "Male"} <= set(garment.tags):
         return draw.dye("outer", SUITS)
-    name, among = DYED[garment.kind]
     return draw.dye(name, among)
 
 
