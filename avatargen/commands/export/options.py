@@ -7,6 +7,7 @@ are left out stay None. Only what `--help` and bad arguments need is imported be
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from collections.abc import Sequence
+from dataclasses import fields
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.seeds import LENT, RANDOM, borrowed, draw_seed, many_seeds, one_seed
 from avatargen.errors import InputError
-from avatargen.wardrobe.choosing import SHOWN, VALUES, shown
+from avatargen.wardrobe.choosing import ANY, HEIGHT, SHOWN, Traits, any_colour, shown, values_of
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -140,10 +141,15 @@ def add_person_options(group: _ArgumentGroup) -> None:
 
 def add_trait_options(group: _ArgumentGroup) -> None:
     """What is chosen of the person."""
-    for name, values in VALUES.items():
-        others = [value for value in values if value not in SHOWN.get(name, ())]
+    for name in (each.name for each in fields(Traits) if each.name != HEIGHT):
+        values, here = values_of(name), SHOWN.get(name, ())
+        others = [value for value in values if value not in here]
         told = f"with the procedural people of other weights alone: {', '.join(others)}" if others else ""
-        group.add_argument(f"--{shown(name)}", choices=values, help=told)
+        if name in ANY:
+            told = f"{', '.join(here)}, or another colour's name or #rrggbb"
+            group.add_argument(f"--{shown(name)}", type=colour, metavar="COLOR", help=told)
+        else:
+            group.add_argument(f"--{shown(name)}", choices=values, help=told)
     group.add_argument(
         "--height",
         type=quantity("m"),
@@ -396,6 +402,14 @@ def make_request(options: Namespace) -> "ExportRequest":
         ),
         **given(ExportRequest, options),
     )
+
+
+def colour(text: str) -> str:
+    """An argument type: a colour's name, or #rrggbb."""
+    name = text.lower()
+    if not any_colour(name):
+        raise ArgumentTypeError(f"found {text!r}, wanted a colour such as red, navy, olive green or #7a1f2b")
+    return name
 
 
 def format_name(text: str) -> str:

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
 from avatargen.wardrobe.colour_names import colour_name
-from avatargen.wardrobe.makehuman.words import garment_word, hair_color_word, hair_word
+from avatargen.wardrobe.makehuman.words import eye_word, garment_word, hair_color_word, hair_word
 from avatargen.wardrobe.skin import HAIR_TONES
 
 NEW = (
@@ -51,6 +51,7 @@ BROWS = {  # of MakeHuman's, those that frown least
 HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
+STATURES = (("short", 0.16), ("average", 0.84), ("tall", 1.0))  # by the measure of the height
 WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a person's description
 
 
@@ -96,14 +97,18 @@ class Attributes:
     prints: tuple[str, ...]  # of each garment: plain, across, down or checks
     print_colour: tuple[float, float, float]
     print_width: float  # m
+    figure: str = "average"  # slim, average, heavy or muscular
+    stature: str = "average"  # for the sex: short, average or tall
 
     def facts(self) -> dict[str, str | int | float]:
         """Names and values, as reports and files hold them; what is not worn is none."""
         found: dict[str, str | int | float] = {
             "gender": self.sex,
             "age": self.age,
+            "figure": self.figure,
+            "stature": self.stature,
             "skin": self.tone,
-            "eyes": self.eyes,
+            "eyes": eye_word(self.eyes),
             "hair": hair_word(self.hair),
         }
         if self.hair:
@@ -111,10 +116,12 @@ class Attributes:
         for kind in WORN:
             place = self.kinds.index(kind) if kind in self.kinds else None
             found[kind] = "none" if place is None else garment_word(self.garments[place], kind)
-            if place is not None and kind != "shoes":
+            if place is not None:
                 found[f"{kind}_color"] = colour_name(np.array(self.shades[place]))
         covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall")]
         found["pattern"] = self.prints[covering[-1]] if covering else "plain"
+        if found["pattern"] != "plain":
+            found["pattern_color"] = colour_name(np.array(self.print_colour))
         found["garments"] = ", ".join(self.garments)
         return found
 
@@ -213,7 +220,18 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
         prints=tuple(prints),
         print_colour=draw.colour("second"),
         print_width=0.006 + 0.03 * draw.share("print_scale"),
+        figure=figure_word(draw.share("weight"), draw.share("muscle")),
+        stature=next(word for word, end in STATURES if draw.share("height") <= end),
     )
+
+
+def figure_word(weight: float, muscle: float) -> str:
+    """What a figure is called, by the shares of people who weigh less and who are less muscular."""
+    if weight > 0.8:
+        return "heavy"
+    if muscle > 0.8:
+        return "muscular"
+    return "slim" if weight < 0.2 else "average"
 
 
 def hair_style(draw: Draw, garments: Mapping[str, Item], woman: bool, dark: float) -> str | None:
