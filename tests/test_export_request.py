@@ -42,6 +42,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
     "--age": (ONE, (*ONE, "--age", "old")),
+    "--text": (ONE, (*ONE, "--text", "a tall man in a red shirt")),
     "--figure": (ONE, (*ONE, "--figure", "slim")),
     "--stature": (ONE, (*ONE, "--stature", "tall")),
     "--eyes": (ONE, (*ONE, "--eyes", "blue")),

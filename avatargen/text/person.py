@@ -21,9 +21,8 @@ MOST_WORDS = 200
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """What was said, the traits that were understood, and a line for each thing that is left out."""
+    """The traits that were understood, and a line for each thing that is left out."""
 
-    text: str
     traits: Traits
     left_out: tuple[str, ...]
 
@@ -40,15 +39,28 @@ class Having(Protocol):
     def had(self) -> Mapping[str, Collection[str]]: ...
 
 
-def drawn(sampler: Sampler, seed: int, text: str, *, change: bool = False) -> tuple[Avatar, Told]:
-    """The person of a seed who is as a text says; with `change`, the seed's own, changed by it.
+def drawn(
+    sampler: Sampler,
+    seed: int,
+    text: str,
+    change: bool = False,
+    traits: Traits | None = None,
+    wear: Mapping[str, int] | None = None,
+) -> Avatar:
+    """The person of a seed who is as a text says; with `change`, the seed's own, changed by it. Traits that
+    are given besides win over the text. What was understood is in the person's facts.
 
     Raises:
-        InputError: nothing of the text was understood or can be made, or the seed is none.
+        InputError: nothing of the text was understood or can be made, it does not go with the traits, or the
+            seed is none.
     """
-    own = facts_of(sampler.sample(seed)) if change else None
+    chosen = {} if traits is None else traits.given()
+    own = facts_of(sampler.sample(seed, traits=traits)) if change else None
     told = understand(text, offered_by(sampler), own)
-    return sampler.sample(seed, traits=told.traits), told
+    avatar = sampler.sample(seed, traits=traits_of({**told.traits.given(), **chosen}), wear=wear)
+    said = [("text", text), ("understood", told.understood), ("left_out", "; ".join(told.left_out))]
+    info = replace(avatar.info, said=tuple((name, words) for name, words in said if words))
+    return replace(avatar, info=info)
 
 
 def facts_of(avatar: Avatar) -> dict[str, Value]:
@@ -66,7 +78,9 @@ def offered_by(sampler: Sampler) -> dict[str, set[str]]:
     return {name: values | {ANY_COLOUR} if name in ANY else values for name, values in offered.items()}
 
 
-def understand(text: str, offered: Mapping[str, Collection[str]], own: Mapping[str, Value] | None) -> Told:
+def understand(
+    text: str, offered: Mapping[str, Collection[str]], own: Mapping[str, Value] | None = None
+) -> Told:
     """What a text says of a person who has what is `offered`; of whom `own` are the facts, where somebody is
     changed.
 
@@ -87,7 +101,7 @@ def understand(text: str, offered: Mapping[str, Collection[str]], own: Mapping[s
             f"text: nothing of {text!r} can be made ({why}); describe a person and their clothes"
         )
     found = settled(wishes, own)
-    return Told(text=text, traits=found[0], left_out=(*left_out, *found[1]))
+    return Told(traits=found[0], left_out=(*left_out, *found[1]))
 
 
 def told_of(found: Reader, items: list[Item]) -> list[str]:
@@ -122,8 +136,3 @@ def settled(wishes: Wishes, own: Mapping[str, Value] | None) -> tuple[Traits, li
             continue
         chosen[name] = wish.value
     return traits_of(chosen), lines
-
-
-def described(avatar: Avatar, told: Told) -> Avatar:
-    """The person with what was said of them, for files and reports to hold."""
-    return replace(avatar, info=replace(avatar.info, text=told.text, understood=told.understood))
