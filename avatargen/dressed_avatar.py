@@ -80,12 +80,12 @@ class DressedSampler:
         require_seed(seed)
         require_truncation(truncation)
         chosen = traits if isinstance(traits, Traits) else traits_of(traits or {})
-        z = draw_latent(seed)
+        z = truncation * draw_latent(seed)
+        person = self.choose(Draw(z))
         if chosen.given():
             require_shown(chosen, truncation, coded=True, sizing=self.sizing)
-            z = condition(z, chosen, lambda latent: self.choose(Draw(latent)), self.had())
-        draw = Draw(truncation * z)
-        person = self.choose(draw)
+            z, person = condition(z, chosen, self)
+        draw = Draw(z)
         if wear:
             from avatargen.wardrobe.makehuman.borrow import borrow  # most people wear their own
 
@@ -110,7 +110,7 @@ class DressedSampler:
     def had(self) -> dict[str, set[str]]:
         """Words of what there is to wear, by trait."""
         words: dict[str, set[str]] = {
-            name: set() for name in ("hair", "top", "bottom", "outer", "shoes", "hat")
+            name: set() for name in ("hair", "top", "bottom", "overall", "outer", "shoes", "hat")
         }
         for each in self.config.garments:
             if each.kind == "hair":
@@ -125,10 +125,19 @@ class DressedSampler:
         require_seed(seed)
         return self.choose(Draw(truncation * draw_latent(seed)))
 
-    def choose(self, draw: Draw) -> Attributes:
-        """What the person of a draw is and wears."""
+    def choose(self, draw: Draw, items: Mapping[str, Item] | None = None) -> Attributes:
+        """What the person of a draw is and wears, out of all there is or out of these items."""
         skin = self.config.skin
-        return choose(draw, self.items, list(skin.skins), list(skin.irises))
+        return choose(draw, self.items if items is None else items, list(skin.skins), list(skin.irises))
+
+    def stock(self) -> Mapping[str, Item]:
+        """What there is to choose among."""
+        return self.items
+
+    @property
+    def irises(self) -> tuple[str, ...]:
+        """Colours of eyes."""
+        return tuple(self.config.skin.irises)
 
     @cached_property
     def items(self) -> Mapping[str, Item]:

@@ -18,7 +18,7 @@ PLAIN = Attributes(
     skin_mix=0.0,
     skin_tint=(1.0, 1.0, 1.0),
     eyes="blue",
-    face=FaceLines(brow_width=0.5, brow_arch=0.5, lashes=0.5, brow_colour=(0.1, 0.1, 0.1)),
+    face=FaceLines(brow_width=0.5, brow_arch=0.5, lashes=0.5),
     hair=None,
     hair_colour=(0.1, 0.1, 0.1),
     garments=(),

@@ -68,8 +68,11 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["--seed", "3", "--fac", "500"], "found --fac, which is no option; did you mean --faces? see "),
         (["--sede", "3"], "found --sede, which is no option; did you mean --seed?"),
         (["-seed", "3"], "found -seed, which is no option; did you mean --seed?"),
-        (["3", "--text=64"], "found --text, which is no option; did you mean --texture or --texture-format?"),
-        (["3", "--color", "red"], "did you mean --hair-color or --top-color or --bottom-color?"),
+        (
+            ["3", "--textur=64"],
+            "found --textur, which is no option; did you mean --texture or --texture-format?",
+        ),
+        (["3", "--color", "red"], "did you mean --hair-color or --hat-color or --top-color?"),
         (["3", "--xyzzy"], "found --xyzzy, which is no option; see avatar-export --help"),
         (["3", "-x"], "found -x, which is no option; see avatar-export --help"),
         (["--seed", "3", "extra"], "found 'extra', wanted a whole number from 0 to"),

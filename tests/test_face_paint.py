@@ -8,8 +8,9 @@ from avatargen.wardrobe.face_paint import FaceLines, brow_share, lash_share, lit
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 
 EYES = load_hm08().eyes
-FINE = FaceLines(brow_width=0.1, brow_arch=0.9, lashes=1.0, brow_colour=(0.1, 0.05, 0.02))
-BUSHY = FaceLines(brow_width=1.0, brow_arch=0.1, lashes=0.0, brow_colour=(0.1, 0.05, 0.02))
+FINE = FaceLines(brow_width=0.1, brow_arch=0.9, lashes=1.0)
+BUSHY = FaceLines(brow_width=1.0, brow_arch=0.1, lashes=0.0)
+HAIR = (0.2, 0.1, 0.05)
 GREY = 0.5
 COUNT = 20_000
 
@@ -71,7 +72,8 @@ def test_light_falls_on_both_eyes_from_the_same_side():
         axis=-1,
     ).reshape(1, -1, 3)
     colours = [
-        paint_face(np.full((81**2, 3), 0.8), at, np.ones(81**2), EYES, FINE, grey_iris) for at in eyes_at
+        paint_face(np.full((81**2, 3), 0.8), at, np.ones(81**2), EYES, FINE, HAIR, grey_iris)
+        for at in eyes_at
     ]
     np.testing.assert_allclose(colours[0], colours[1], atol=1e-9)
     brightest = eyes_at[:, colours[0].sum(axis=1).argmax()] - EYES[:, :3]
@@ -81,7 +83,7 @@ def test_light_falls_on_both_eyes_from_the_same_side():
 def test_what_is_no_eye_and_no_brow_stays_as_it_is(feet: Float64[np.ndarray, "N 3"]):
     skin = np.random.default_rng(1).uniform(size=(COUNT, 3))
     low = feet[:, 1] < EYES[0, 1] - 0.02
-    painted = paint_face(skin, feet, np.zeros(COUNT), EYES, BUSHY, grey_iris)
+    painted = paint_face(skin, feet, np.zeros(COUNT), EYES, BUSHY, HAIR, grey_iris)
     np.testing.assert_array_equal(painted[low], skin[low])
     assert (painted >= 0).all() and (painted <= 1).all()
 
@@ -95,4 +97,4 @@ def test_cool_eyes_are_less_loud_and_brown_ones_stay():
 
 def test_measures_beyond_their_range_are_no_face():
     with pytest.raises(AssertionError):
-        FaceLines(brow_width=1.5, brow_arch=0.5, lashes=0.5, brow_colour=(0.0, 0.0, 0.0))
+        FaceLines(brow_width=1.5, brow_arch=0.5, lashes=0.5)

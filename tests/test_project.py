@@ -53,7 +53,7 @@ FLOORS = {
         "avatar",
         "artist_wardrobe dressed_avatar",
         "loading",
-        "data",
+        "data text",
         "training",
         "metrics",
         "export",

@@ -41,6 +41,11 @@ COMMANDS = (
         function="avatargen.commands.export.avatar_export:main",
     ),
     Command(
+        words=("edit",),
+        summary="change a seed's person by a line of text: in a red shirt, taller, without the hat",
+        function="avatargen.commands.export.avatar_export:edit",
+    ),
+    Command(
         words=("body", "convert"),
         summary="read an SMPL .pkl safely and save it as .npz",
         function="avatargen.commands.learn.body_convert:main",

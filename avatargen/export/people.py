@@ -43,6 +43,25 @@ class ChosenPeople:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class DescribedPeople:
+    """The generator's people as a text says, under the traits that were chosen besides."""
+
+    chosen: ChosenPeople
+    text: str
+    change: bool  # of each seed's own person
+
+    @property
+    def body(self) -> CanonicalBody:
+        return self.chosen.body
+
+    def sample(self, seed: int) -> Avatar:
+        from avatargen.text.person import drawn
+
+        people = self.chosen
+        return drawn(people.sampler, seed, self.text, self.change, people.traits, people.wear)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class BorrowingPeople:
     """A wardrobe's people in what they borrow of each other."""
 
@@ -65,7 +84,8 @@ def open_people(request: ExportRequest) -> People:
     """
     if request.source == "generator":
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
-        return ChosenPeople(sampler=sampler, traits=request.traits, wear=dict(request.wear))
+        people = ChosenPeople(sampler=sampler, traits=request.traits, wear=dict(request.wear))
+        return people if request.text is None else described(people, request.text, change=request.change)
     body = canonical_body(load_body(request.body or shipped("body.npz")))
     if request.wardrobe is None:
         from avatargen.wardrobe.procedural import ProceduralWardrobe
@@ -74,3 +94,12 @@ def open_people(request: ExportRequest) -> People:
     from avatargen.artist_wardrobe import ArtistWardrobe
 
     return BorrowingPeople(wardrobe=ArtistWardrobe(request.wardrobe, body), wear=dict(request.wear))
+
+
+def described(people: ChosenPeople, text: str, *, change: bool) -> DescribedPeople:
+    """People as a text says. Raises InputError where nothing of it can be made."""
+    from avatargen.text.person import offered_by, understand
+
+    if not change:  # else it depends on who is changed
+        understand(text, offered_by(people.sampler))
+    return DescribedPeople(chosen=people, text=text, change=change)

@@ -17,7 +17,14 @@ from assets.build_config import BuildConfig
 from assets.content import CONTENTS
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source, check_wear
+from avatargen.export.rules import (
+    check_chosen,
+    check_one_or_many,
+    check_sheet,
+    check_source,
+    check_text,
+    check_wear,
+)
 from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
@@ -49,6 +56,8 @@ class ExportRequest:
     weights: Path | None = None  # of another generator than the shipped one
     body: Path | None = None  # in SMPL's format: .npz or .pkl
     traits: Traits = field(default_factory=Traits)  # what was chosen of the people
+    text: str | None = None  # a line that says what the people are like; traits beside it win
+    change: bool = False  # the text says what is to be otherwise of each seed's own person
     wear: tuple[tuple[str, int], ...] = ()  # garments borrowed: what, and the seed that lends it
     # what: the asset
     build: BuildConfig = field(default_factory=BuildConfig)
@@ -90,8 +99,9 @@ class ExportRequest:
             source=self.source,
             wardrobe=self.wardrobe,
             weights=self.weights,
-            chosen=bool(self.traits.given()),
+            chosen=bool(self.traits.given()) or self.text is not None,
         )
+        check_text(self.text, change=self.change)
         check_wear(dict(self.wear), self.source, self.wardrobe, len(self.wear))
         check_one_or_many(
             many=self.many,

@@ -9,6 +9,7 @@ from avatargen.errors import InputError
 
 SHEETS = (".png", ".jpg", ".jpeg")
 MOST_ON_A_SHEET = 1_000
+LONGEST_TEXT = 2_000  # characters
 
 
 def check_one_or_many(
@@ -62,6 +63,16 @@ def check_source(*, source: str | None, wardrobe: Path | None, weights: Path | N
             f"found no folder {wardrobe}; get MakeHuman's assets (CC0, makehumancommunity.org) and name the "
             "folder that holds clothes/, hair/, skins/ and eyes/, or leave --wardrobe out"
         )
+
+
+def check_text(text: str | None, *, change: bool) -> None:
+    """Raises InputError for a text without words, one too long, or none where it says the change."""
+    if change and text is None:
+        raise InputError("found no text that says what to change; give --text, as in --text 'in a red shirt'")
+    if text is not None and not any(map(str.isalpha, text)):
+        raise InputError(f"found --text {text!r}, which has no words; describe a person and their clothes")
+    if text is not None and len(text) > LONGEST_TEXT:
+        raise InputError(f"found a text of {len(text)} characters, wanted at most {LONGEST_TEXT}; say less")
 
 
 def check_wear(wear: Mapping[str, int], source: str | None, wardrobe: Path | None, count: int) -> None:

@@ -20,6 +20,7 @@ STRAND = 0.0011  # m between a brow's hairs
 FRONT = 0.05  # m before the middle of the head
 LASH_COLOUR = np.array([0.05, 0.035, 0.03])
 IRIS_EDGE = 0.37  # of the eyeball's radius
+BROW_SHADE = 0.55  # of the hair's colour
 RIM = 0.3  # of `on_eye`, from which an eye shows
 FADED = 0.35  # of the hue of blue and green irises
 CATCH, CATCH_SIZE = (-0.11, 0.13), 0.06  # of the light on an eye
@@ -27,12 +28,11 @@ CATCH, CATCH_SIZE = (-0.11, 0.13), 0.06  # of the light on an eye
 
 @dataclass(frozen=True, kw_only=True)
 class FaceLines:
-    """How one person's brows and lashes are drawn; measures are 0..1, the colour is sRGB."""
+    """How one person's brows and lashes are drawn; each 0..1."""
 
     brow_width: float
     brow_arch: float
     lashes: float
-    brow_colour: tuple[float, float, float]
 
     def __post_init__(self) -> None:
         assert all(0 <= x <= 1 for x in (self.brow_width, self.brow_arch, self.lashes)), self
@@ -44,14 +44,17 @@ def paint_face(
     on_eye: Float64[np.ndarray, " N"],
     eyes: Float64[np.ndarray, "2 4"],
     lines: FaceLines,
+    hair: tuple[float, float, float],
     iris: Callable[[Float64[np.ndarray, "M 2"]], Float64[np.ndarray, "M 3"]],
 ) -> Float64[np.ndarray, "N 3"]:
     """The colours of skin at feet on the body's surface with brows, eyes and lashes over them.
 
-    `on_eye` is 1 on eyeballs, 0 on skin, between at the rims of the lids. `iris` is an eye's own colour where
-    the left eyeball is seen from the front, in radii from its middle, x outward from the nose.
+    `on_eye` is 1 on eyeballs, 0 on skin, between at the rims of the lids. `hair` is the colour of the hair,
+    of which brows are a darker shade. `iris` is an eye's own colour where the left eyeball is seen from the
+    front, in radii from its middle, x outward from the nose.
     """
-    colour = colour + (np.array(lines.brow_colour) - colour) * brow_share(foot, eyes, lines)[:, None]
+    brow = BROW_SHADE * np.array(hair) + 0.02
+    colour = colour + (brow - colour) * brow_share(foot, eyes, lines)[:, None]
     seen = np.flatnonzero(on_eye > RIM)
     side = (foot[seen, 0] < 0).astype(np.int64)
     off = (foot[seen] - eyes[side, :3])[:, :2] / eyes[side, 3:]

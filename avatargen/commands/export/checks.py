@@ -10,16 +10,18 @@ from typing import Any
 from assets.scenes import SCENES
 from avatargen.atomic import check_writable
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source
+from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source, check_text
 from avatargen.wardrobe.choosing import Traits, read_traits, traits_of
 
 # what `exporters` writes, which takes seconds to ask
 FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
+DESCRIBED = 0  # the seed of somebody who is described, where none is given
 NAMED_POSES = ("x", "t", "a")
 
 
 def check_options(options: Namespace) -> None:
     """All that can be told before libraries load. Raises InputError."""
+    check_line(options)
     if (options.seed is None) == (options.seeds is None):
         raise InputError("the following arguments are required: --seed or --seeds, one of them")
     many = options.seeds is not None
@@ -44,7 +46,7 @@ def check_options(options: Namespace) -> None:
         source=options.source,
         wardrobe=options.wardrobe,
         weights=options.weights,
-        chosen=bool(options.traits.given()),
+        chosen=bool(options.traits.given()) or options.text is not None,
     )
     options.format = output_format(options)
     sheet_inside = many and options.sheet is not None and options.sheet.parent == options.out
@@ -63,6 +65,17 @@ def check_options(options: Namespace) -> None:
         raise InputError(
             f"found --pose {options.pose}, wanted one of {', '.join(NAMED_POSES)} or an .npz file that exists"
         )
+
+
+def check_line(options: Namespace) -> None:
+    """A text that describes somebody needs no seed; one that changes somebody needs one, and a name that is
+    not that of the seed's own file. Raises InputError."""
+    check_text(options.text, change=options.change)
+    if options.change and options.out is None:
+        raise InputError("found no --out; name the file for the person who is changed")
+    none = options.seed is None and options.seeds is None
+    if options.text is not None and not options.change and none:
+        options.seed = DESCRIBED
 
 
 def chosen_traits(options: Namespace) -> Traits:

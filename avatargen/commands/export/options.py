@@ -7,6 +7,7 @@ are left out stay None. Only what `--help` and bad arguments need is imported be
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, _ArgumentGroup
 from collections.abc import Sequence
+from dataclasses import fields
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.seeds import LENT, RANDOM, borrowed, draw_seed, many_seeds, one_seed
 from avatargen.errors import InputError
-from avatargen.wardrobe.choosing import SHOWN, VALUES, shown
+from avatargen.wardrobe.choosing import ANY, HEIGHT, SHOWN, Traits, any_colour, shown, values_of
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -48,6 +49,7 @@ examples:
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
   avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
+  avatar-export --text "an old man in a grey suit and brown shoes" --format glb
   avatar-export --seed 3 --parts separate --out dressed.glb
   avatar-export --seed 3 --wear 8:top,outer --wear 5:shoes
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
@@ -55,6 +57,19 @@ examples:
   avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 3 --lods 40000,20000,5000,1000
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
+"""
+
+
+EDIT = "avatargen edit"
+ABOUT_EDITING = """\
+Change a seed's person by a line of text, and write them to a file; what is not named stays as it is.
+
+All else is as avatar-export has it."""
+EDITS = """\
+examples:
+  avatargen edit --seed 3 --text "in a red shirt" --out red.glb
+  avatargen edit --seed 3 --text "make her hair grey, and give her a hat" --out grey.glb
+  avatargen edit --seeds 0:20 --text "taller, without a jacket" --out tall
 """
 
 
@@ -67,13 +82,15 @@ def parse(arguments: Sequence[str] | None) -> "ExportRequest":
     return make_request(read(arguments))
 
 
-def read(arguments: Sequence[str] | None) -> Namespace:
+def read(arguments: Sequence[str] | None, *, change: bool = False) -> Namespace:
     """The options, checked as far as can be told before libraries load; a seed is drawn where none is named.
+    With `change`, those of `avatargen edit`, whose text says what is to be otherwise of a seed's person.
 
     Raises:
         InputError: as `parse`.
     """
-    options = make_parser().parse_intermixed_args(arguments)
+    options = make_parser(*((EDIT, ABOUT_EDITING, EDITS) if change else ())).parse_intermixed_args(arguments)
+    options.change = change
     if options.seed_alone is not None:
         if options.seed is not None:
             raise InputError(f"found {options.seed_alone} and --seed {options.seed}; give one seed")
@@ -85,8 +102,10 @@ def read(arguments: Sequence[str] | None) -> Namespace:
     return options
 
 
-def make_parser() -> ArgumentParser:
-    parser = OneLineParser(PROGRAM, description=DESCRIPTION, examples=EXAMPLES)
+def make_parser(
+    program: str = PROGRAM, description: str = DESCRIPTION, examples: str = EXAMPLES
+) -> ArgumentParser:
+    parser = OneLineParser(program, description=description, examples=examples)
     add_person_options(parser.add_argument_group("the person"))
     add_trait_options(parser.add_argument_group("the person's traits, else as the seed has them"))
     add_file_options(parser.add_argument_group("the files"))
@@ -140,10 +159,20 @@ def add_person_options(group: _ArgumentGroup) -> None:
 
 def add_trait_options(group: _ArgumentGroup) -> None:
     """What is chosen of the person."""
-    for name, values in VALUES.items():
-        others = [value for value in values if value not in SHOWN.get(name, ())]
+    group.add_argument(
+        "--text",
+        metavar="LINE",
+        help="a person in plain words; --seed varies who it is (default: 0), and traits beside it win",
+    )
+    for name in (each.name for each in fields(Traits) if each.name != HEIGHT):
+        values, here = values_of(name), SHOWN.get(name, ())
+        others = [value for value in values if value not in here]
         told = f"with the procedural people of other weights alone: {', '.join(others)}" if others else ""
-        group.add_argument(f"--{shown(name)}", choices=values, help=told)
+        if name in ANY:
+            told = f"{', '.join(here)}, or another colour's name or #rrggbb"
+            group.add_argument(f"--{shown(name)}", type=colour, metavar="COLOR", help=told)
+        else:
+            group.add_argument(f"--{shown(name)}", choices=values, help=told)
     group.add_argument(
         "--height",
         type=quantity("m"),
@@ -396,6 +425,14 @@ def make_request(options: Namespace) -> "ExportRequest":
         ),
         **given(ExportRequest, options),
     )
+
+
+def colour(text: str) -> str:
+    """An argument type: a colour's name, or #rrggbb."""
+    name = text.lower()
+    if not any_colour(name):
+        raise ArgumentTypeError(f"found {text!r}, wanted a colour such as red, navy, olive green or #7a1f2b")
+    return name
 
 
 def format_name(text: str) -> str:

@@ -53,6 +53,7 @@ class ReadySkin:
             ready=self,
             tables=tables,
             lines=person.face,
+            hair=person.hair_colour,
             iris=self.irises[config.irises.index(person.eyes)],
             chest_covered=person.sex == "woman",
         )
@@ -65,6 +66,7 @@ class PersonSkin:
     ready: ReadySkin
     tables: tuple[Surface, ...]
     lines: FaceLines
+    hair: tuple[float, float, float]
     iris: np.ndarray
     chest_covered: bool
 
@@ -80,7 +82,9 @@ class PersonSkin:
         colour = colour.astype(np.float64)
         colour += (UNDERWEAR - colour) * underwear(body, foot, self.chest_covered)[:, None]
         on_eye = ((ready.hm08.hm08_of_body < 0)[corners] * hit.barycentric).sum(axis=1).astype(np.float64)
-        return paint_face(colour, foot, on_eye, ready.hm08.eyes, self.lines, self.own_iris).clip(0, 1)
+        return paint_face(colour, foot, on_eye, ready.hm08.eyes, self.lines, self.hair, self.own_iris).clip(
+            0, 1
+        )
 
     def own_iris(self, off: Float64[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N 3"]:
         """Iris, pupil and white of the left eye seen from the front, in radii from its middle."""

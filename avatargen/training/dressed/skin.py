@@ -23,7 +23,7 @@ from avatargen.wardrobe.makehuman.texture import texels
 
 IRIS_SIDE = 96  # texels across an eyeball
 POINTS_PER_NODE = 8
-NOTHING_DRAWN = FaceLines(brow_width=0.0, brow_arch=0.0, lashes=0.0, brow_colour=(0.0, 0.0, 0.0))
+NOTHING_DRAWN = FaceLines(brow_width=0.0, brow_arch=0.0, lashes=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,6 +138,7 @@ def paint_of(wardrobe: Wardrobe, iris: str | None = None) -> SkinPaint:
         skin=np.full((1, 1, 3), 255, np.uint8),
         iris=read_texture(wardrobe.irises[iris or next(iter(wardrobe.irises))]),
         lines=NOTHING_DRAWN,
+        hair=(0.0, 0.0, 0.0),
         chest_covered=False,
     )
 

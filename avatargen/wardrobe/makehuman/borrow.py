@@ -1,6 +1,6 @@
 """A person in another's clothes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from avatargen.errors import InputError
@@ -57,6 +57,11 @@ def borrow(person: Attributes, lender: Callable[[int], Attributes], wear: Mappin
         if kind == "top":
             prints = (other.print_colour, other.print_width)
     worn.sort(key=lambda each: OUTWARD.index(each.kind) if each.kind in OUTWARD else len(OUTWARD))
+    return replace(wearing(person, worn), print_colour=prints[0], print_width=prints[1])
+
+
+def wearing(person: Attributes, worn: Sequence[Worn]) -> Attributes:
+    """The person in these garments, from the skin outward."""
     return replace(
         person,
         garments=tuple(each.garment for each in worn),
@@ -64,6 +69,4 @@ def borrow(person: Attributes, lender: Callable[[int], Attributes], wear: Mappin
         colours=tuple(each.colour for each in worn),
         shades=tuple(each.shade for each in worn),
         prints=tuple(each.printed for each in worn),
-        print_colour=prints[0],
-        print_width=prints[1],
     )

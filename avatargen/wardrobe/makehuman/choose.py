@@ -18,7 +18,7 @@ from avatargen.wardrobe.attributes import LATENT_SIZE, People, coordinate
 from avatargen.wardrobe.colour_names import colour_name
 from avatargen.wardrobe.dyes import BOTTOMS, COATS, SHOES, SUITS, TOPS, Dyes
 from avatargen.wardrobe.face_paint import FaceLines
-from avatargen.wardrobe.makehuman.words import garment_word, hair_color_word, hair_word
+from avatargen.wardrobe.makehuman.words import eye_word, garment_word, hair_color_word, hair_word
 from avatargen.wardrobe.skin import HAIR_TONES
 
 NEW = (
@@ -57,6 +57,7 @@ DYED = {  # kind: coordinates of its colour, the dyes, what decides whether it k
     "hat": ("second", COATS, "bottom_plain", 0.5),
     "shoes": ("shoe", SHOES, "spare_too", 0.4),
 }
+STATURES = (("short", 0.16), ("average", 0.84), ("tall", 1.0))  # by the measure of the height
 WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a person's description
 
 
@@ -101,14 +102,18 @@ class Attributes:
     prints: tuple[str, ...]  # of each garment: plain, across, down or checks
     print_colour: tuple[float, float, float]
     print_width: float  # m
+    figure: str = "average"  # slim, average, heavy or muscular
+    stature: str = "average"  # for the sex: short, average or tall
 
     def facts(self) -> dict[str, str | int | float]:
         """Names and values, as reports and files hold them; what is not worn is none."""
         found: dict[str, str | int | float] = {
             "gender": self.sex,
             "age": self.age,
+            "figure": self.figure,
+            "stature": self.stature,
             "skin": self.tone,
-            "eyes": self.eyes,
+            "eyes": eye_word(self.eyes),
             "hair": hair_word(self.hair),
         }
         if self.hair:
@@ -120,6 +125,8 @@ class Attributes:
                 found[f"{kind}_color"] = colour_name(np.array(self.shades[place]))
         covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall")]
         found["pattern"] = self.prints[covering[-1]] if covering else "plain"
+        if found["pattern"] != "plain":
+            found["pattern_color"] = colour_name(np.array(self.print_colour))
         found["garments"] = ", ".join(self.garments)
         return found
 
@@ -195,7 +202,6 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
     worn, colours, prints = outfit(draw, garments, woman)
     shades = [garments[n].own_color if c is None else c for n, c in zip(worn, colours, strict=True)]
     hair = hair_style(draw, garments, woman, dark)
-    colour = natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear"))
     return Attributes(
         sex="woman" if woman else "man",
         age=age,
@@ -204,9 +210,9 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
         skin_mix=mixed,
         skin_tint=tint,
         eyes=str(draw.one_of("eyes", tuple(options))),
-        face=face_lines(draw, woman, colour),
+        face=face_lines(draw, woman),
         hair=hair,
-        hair_colour=colour,
+        hair_colour=natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear")),
         garments=tuple(worn),
         colours=tuple(colours),
         kinds=tuple(garments[name].kind for name in worn),
@@ -214,19 +220,28 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
         prints=tuple(prints),
         print_colour=draw.dye("second", TOPS),
         print_width=0.006 + 0.03 * draw.share("print_scale"),
+        figure=figure_word(draw.share("weight"), draw.share("muscle")),
+        stature=next(word for word, end in STATURES if draw.share("height") <= end),
     )
 
 
-def face_lines(draw: Draw, woman: bool, hair: tuple[float, float, float]) -> FaceLines:
-    """Brows a good deal darker than the hair: women's are finer and higher, and their lashes longer."""
+def face_lines(draw: Draw, woman: bool) -> FaceLines:
+    """Women's brows are finer and higher, and their lashes longer."""
     width, arch = draw.share("brows"), draw.share("lashes")
-    r, g, b = (0.02 + 0.55 * channel for channel in hair)
     return FaceLines(
         brow_width=0.15 + 0.35 * width if woman else 0.5 + 0.5 * width,
         brow_arch=0.5 + 0.5 * arch if woman else 0.1 + 0.5 * arch,
         lashes=0.8 if woman else 0.2,
-        brow_colour=(r, g, b),
     )
+
+
+def figure_word(weight: float, muscle: float) -> str:
+    """What a figure is called, by the shares of people who weigh less and who are less muscular."""
+    if weight > 0.8:
+        return "heavy"
+    if muscle > 0.8:
+        return "muscular"
+    return "slim" if weight < 0.2 else "average"
 
 
 def hair_style(draw: Draw, garments: Mapping[str, Item], woman: bool, dark: float) -> str | None:

@@ -32,6 +32,7 @@ class SkinPaint:
     skin: UInt8[np.ndarray, "H W C"]
     iris: UInt8[np.ndarray, "h w c"]
     lines: FaceLines
+    hair: tuple[float, float, float]
     chest_covered: bool  # underwear is always on: briefs, and this adds a top
 
     @cached_property
@@ -59,7 +60,9 @@ class SkinPaint:
         )
         colour += (UNDERWEAR - colour) * underwear(self.body, foot, self.chest_covered)[:, None]
         on_eye = (self.on_eye[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
-        return paint_face(colour, foot, on_eye, self.hm08.eyes, self.lines, self.own_iris).clip(0, 1)
+        return paint_face(colour, foot, on_eye, self.hm08.eyes, self.lines, self.hair, self.own_iris).clip(
+            0, 1
+        )
 
     def own_iris(self, off: Float64[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N 3"]:
         """Iris, pupil and white of the left eye seen from the front, in radii from its middle."""

@@ -221,6 +221,7 @@ class Wardrobe:
                 skin=self.skin(found),
                 iris=read_texture(self.irises[found.eyes]),
                 lines=found.face,
+                hair=found.hair_colour,
                 chest_covered=found.sex == "woman",
             ),
             garments=tuple(
