@@ -9,6 +9,7 @@ how tall somebody is, so the height is given, or that of the usual person.
 Letters: K landmarks, J joints, b betas, N points.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,20 +72,31 @@ class Fitter:
             np.array([next((w for part, w in WEIGHTS.items() if part in name), 1.0) for name in NAMES])
         )
 
-    def fit(self, sighting: Sighting, height: float | None = None, gender: str | None = None) -> Fit:
-        """The person's body. Raises InputError where too little of the person is seen to tell."""
-        check_seen(sighting)
+    def fit_together(
+        self, sightings: Sequence[Sighting], height: float | None = None, gender: str | None = None
+    ) -> tuple[Fit, ...]:
+        """One person in several photographs: a pose and a place in each, and the shape of all."""
         builds = usual_builds(self.sizing, gender, self.figure.betas)
         if height is not None:
             mean = self.sizing.sized(torch.from_numpy(builds.mean)[None], torch.tensor([[height]]))
             builds = replace(builds, mean=mean[0].numpy(), height=height)
-        problem = Problem(self, sighting, builds)
-        problem.solve(STEPS[0], outline=False)
-        problem.solve(STEPS[1], outline=True)
-        return problem.found(height is not None)
+        problems = [Problem(self, sighting, builds) for sighting in sightings]
+        for problem in problems:
+            problem.solve(STEPS[0], outline=False)
+            problem.solve(STEPS[1], outline=True)
+        if len(problems) > 1:
+            shape = torch.stack([problem.shape for problem in problems]).mean(dim=0)
+            for problem in problems:
+                problem.shape, problem.shaped = shape, True
+                problem.solve(STEPS[1], outline=True)
+        return tuple(problem.found(height is not None) for problem in problems)
+
+    def fit(self, sighting: Sighting, height: float | None = None, gender: str | None = None) -> Fit:
+        """The person of one photograph."""
+        return self.fit_together([sighting], height, gender)[0]
 
 
-def check_seen(sighting: Sighting) -> None:
+def check_whole(sighting: Sighting) -> None:
     """Raises InputError where shoulders, hips or legs are outside the picture."""
     width, height = sighting.picture.size
     inside = ((sighting.pixels >= 0) & (sighting.pixels <= [width, height])).all(axis=1)
@@ -109,7 +121,7 @@ class Problem:
         self.metres = sighting.metres @ self.along_the_view().T
         self.span = self.size()
         self.six, self.move = self.start()
-        self.shape = torch.zeros(len(self.mean))
+        self.shape, self.shaped = torch.zeros(len(self.mean)), False
         self.outline = Outline(sighting, self.span)
 
     def along_the_view(self) -> np.ndarray:
@@ -151,7 +163,9 @@ class Problem:
     def solve(self, steps: int, *, outline: bool) -> None:
         """Adam's steps, ever shorter."""
         free = [each.clone().requires_grad_() for each in (self.six, self.move, self.shape)]
+        free[2].requires_grad_(not self.shaped)
         rates = [{"params": [each], "lr": RATE * share} for each, share in zip(free, (1, 0.6, 1), strict=True)]
+        rates = rates[:2] if self.shaped else rates
         ways = torch.optim.Adam(rates, betas=(0.9, 0.98))
         plan = torch.optim.lr_scheduler.OneCycleLR(
             ways, [rate["lr"] for rate in rates], total_steps=steps + 1, pct_start=0.2, cycle_momentum=False

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
 
 from avatargen.errors import InputError
@@ -78,6 +78,28 @@ def read_picture(path: Path) -> Picture:
         focal=(focal or USUAL_FOCAL) * max(pixels.shape[:2]),
         focal_known=focal is not None,
     )
+
+
+def read_mask(path: Path, picture: Picture) -> Float32[np.ndarray, "H W"]:
+    """A mask of a picture, 0..1: white where the person is.
+
+    Raises:
+        InputError: the file is no picture, or not of the photograph's shape.
+    """
+    try:
+        image = ImageOps.exif_transpose(Image.open(path)).convert("L")
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise InputError(f"photo: {path} is no mask that can be read; give a PNG, white on black") from error
+    width, height = picture.size
+    if abs(image.width * height - image.height * width) > 0.01 * image.width * height:
+        raise InputError(
+            f"photo: the mask {path} is {image.width} x {image.height} pixels, which is not the shape of "
+            f"{picture.name} ({width} x {height}); give one of the photograph's size"
+        )
+    mask = np.asarray(image.resize((width, height), Image.Resampling.BOX), np.float32) / 255
+    if (mask > 0.5).sum() < LEAST_SIDE:
+        raise InputError(f"photo: the mask {path} is black; make it white where the person is")
+    return mask
 
 
 def focal_of(image: Image.Image) -> float | None:

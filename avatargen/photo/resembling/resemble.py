@@ -134,38 +134,70 @@ class Mirror:
 
 
 def resemble(
-    sampler: DressedSampler, wardrobe: Wardrobe, sighting: Sighting, fit: Fit, sex: str
+    sampler: DressedSampler,
+    wardrobe: Wardrobe,
+    sightings: Sequence[Sighting],
+    fits: Sequence[Fit],
+    sex: str,
 ) -> Resemblance:
     """The outfit of a woman or a man that is most like what was seen."""
     choices, dresser = choices_for(sampler.items, sex), Dresser(sampler.body)
-    skin = face_color(sighting)
-    whole = Mirror(wardrobe, dresser, fit, view_of(sighting, *box_of(sighting)), skin)
+    skins = [face_color(sighting) for sighting in sightings]
+    mirrors: list[list[Mirror]] = [
+        [
+            Mirror(wardrobe, dresser, fit, view_of(sighting, *box(sighting)), skin)
+            for sighting, fit, skin in zip(sightings, fits, skins, strict=True)
+        ]
+        for box in (box_of, head_box)
+    ]
+    whole, head = mirrors
     outfit = dressed(whole, choices, sampler)
-    head = Mirror(wardrobe, dresser, fit, view_of(sighting, *head_box(sighting)), skin)
     outfit = coiffed(head, outfit, choices)
-    colors = whole.colors(outfit)
-    close = head.colors(outfit)
+    colors = middle_colors(whole, outfit)
+    close = middle_colors(head, outfit)
     colors |= {name: close[name] for name in (outfit.hair, outfit.hat) if name is not None}
-    return Resemblance(sex=sex, outfit=outfit, colors=colors, skin=skin, miss=whole.miss(outfit) + head.miss(outfit))
+    return Resemblance(
+        sex=sex,
+        outfit=outfit,
+        colors=colors,
+        skin=np.median(skins, axis=0),
+        miss=miss(whole, outfit) + miss(head, outfit),
+    )
 
 
-def dressed(mirror: Mirror, choices: Choices, sampler: DressedSampler) -> Outfit:
+def miss(mirrors: Sequence[Mirror], outfit: Outfit) -> float:
+    """How much of all pictures the outfit misses."""
+    return float(np.mean([mirror.miss(outfit) for mirror in mirrors]))
+
+
+def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> dict[str, Float64[np.ndarray, "3"] | None]:
+    """The pieces' middle colours, over the pictures that show them."""
+    each = [mirror.colors(outfit) for mirror in mirrors]
+    found: dict[str, Float64[np.ndarray, "3"] | None] = {}
+    for name in outfit.pieces:
+        seen = [color for colors in each if (color := colors[name]) is not None]
+        found[name] = np.median(seen, axis=0) if seen else None
+    return found
+
+
+def dressed(mirrors: Sequence[Mirror], choices: Choices, sampler: DressedSampler) -> Outfit:
     """Uppers with bottoms, then shoes."""
     hair = next((name for name in choices.hair if name is not None), None)
     start = Outfit(upper=(), bottom=None, shoes=choices.shoes[0], hair=hair, hat=None)
     tried = []
     for upper, bottom in product(choices.uppers, choices.bottoms):
-        whole = has_overall(upper, sampler.items)
-        tried.append(replace(start, upper=upper, bottom=None if whole else bottom))
-    best = min(dict.fromkeys(tried), key=mirror.miss)
-    return min((replace(best, shoes=shoes) for shoes in choices.shoes), key=mirror.miss)
+        covered = has_overall(upper, sampler.items)
+        tried.append(replace(start, upper=upper, bottom=None if covered else bottom))
+    best = min(dict.fromkeys(tried), key=lambda outfit: miss(mirrors, outfit))
+    shod = [replace(best, shoes=shoes) for shoes in choices.shoes]
+    return min(shod, key=lambda outfit: miss(mirrors, outfit))
 
 
-def coiffed(mirror: Mirror, outfit: Outfit, choices: Choices) -> Outfit:
+def coiffed(mirrors: Sequence[Mirror], outfit: Outfit, choices: Choices) -> Outfit:
     """Hair and hat."""
 
     def cost(tried: Outfit) -> float:
-        return mirror.miss(tried) + (RARE["hat"] if tried.hat is not None else 0)
+        return miss(mirrors, tried) + (RARE["hat"] if tried.hat is not None else 0)
 
     ways = [replace(outfit, hair=hair, hat=hat) for hair, hat in product(choices.hair, choices.hats)]
     return min(ways, key=cost)
