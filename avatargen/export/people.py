@@ -4,7 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+import numpy as np
+from jaxtyping import Float
+
 import avatargen
+from assets.asset.asset import PlainAsset
 from assets.build_config import AvatarFields
 from avatargen.avatar import Avatar, Sampler, shipped
 from avatargen.body.load import load_body
@@ -24,6 +28,27 @@ class People(Protocol):
     def body(self) -> CanonicalBody: ...
 
     def sample(self, seed: int) -> AvatarFields: ...
+
+
+@runtime_checkable
+class Found(Protocol):
+    """What a photograph told of a person, for reports and in lines."""
+
+    def facts(self) -> dict[str, object]: ...
+
+    def lines(self) -> list[str]: ...
+
+
+@runtime_checkable
+class Photographed(People, Protocol):
+    """The person of photographs. What was found is known once that person was sampled."""
+
+    @property
+    def found(self) -> Found: ...
+
+    def pose(self, joint_names: tuple[str, ...]) -> Float[np.ndarray, "J 3"]: ...
+
+    def painted(self, asset: PlainAsset) -> PlainAsset: ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +107,10 @@ def open_people(request: ExportRequest) -> People:
     Raises:
         InputError: a file is missing or damaged, or a wardrobe does not fit the body.
     """
+    if request.photos:
+        from avatargen.export.photographs import PhotoPeople  # most people are drawn
+
+        return PhotoPeople(request)
     if request.source == "generator":
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
         people = ChosenPeople(sampler=sampler, traits=request.traits, wear=dict(request.wear))

@@ -77,8 +77,8 @@ def export_seed(request: "ExportRequest", show: Show) -> tuple[str, Path]:
 
     exported = avatargen.export_avatar(request, show, elapsed=process_seconds())
     made = exported.made
-    lines = [*tell_of_text(made), *tell_of_bad_frames(made.motions), *tell_of_few_faces(made)]
-    lines.append(closing_line(request, exported))
+    lines = [*tell_of_text(made), *(made.found.lines() if made.found else [])]
+    lines += [*tell_of_bad_frames(made.motions), *tell_of_few_faces(made), closing_line(request, exported)]
     return "\n".join(lines), exported.path
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from assets.scenes import DEFAULT, SCENES
 from avatargen import __version__
 from avatargen.commands.export import PROGRAM
-from avatargen.commands.export.checks import FORMATS, NAMED_POSES, check_options, given
+from avatargen.commands.export.checks import FORMATS, NAMED_POSES, PHOTO_POSE, check_options, given
 from avatargen.commands.line import (
     FEWEST_FACES,
     MOST_FACES,
@@ -53,6 +53,7 @@ examples:
   avatar-export --seed 3 --parts separate --out dressed.glb
   avatar-export --seed 3 --wear 8:top,outer --wear 5:shoes
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
+  avatar-export --photo me.jpg --height 1.75m --clip walk
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 3 --lods 40000,20000,5000,1000
@@ -107,6 +108,7 @@ def make_parser(
 ) -> ArgumentParser:
     parser = OneLineParser(program, description=description, examples=examples)
     add_person_options(parser.add_argument_group("the person"))
+    add_photo_options(parser.add_argument_group("a person of photographs instead"))
     add_trait_options(parser.add_argument_group("the person's traits, else as the seed has them"))
     add_file_options(parser.add_argument_group("the files"))
     add_asset_options(parser.add_argument_group("the asset"))
@@ -155,6 +157,32 @@ def add_person_options(group: _ArgumentGroup) -> None:
     )
     add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
+
+
+def add_photo_options(group: _ArgumentGroup) -> None:
+    """Who is made, and how much of the photographs is taken over."""
+    add = group.add_argument
+    add(
+        "--photo",
+        dest="photos",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help="a photograph of one whole person; may be repeated for the same person; --gender, --age and "
+        "--height can be told",
+    )
+    add(
+        "--mask",
+        type=Path,
+        metavar="FILE.png",
+        help="where the person is in the one photograph, white on black (default: found by the networks)",
+    )
+    add(
+        "--texture-from",
+        choices=("photo", "field"),
+        help="photo: the photograph's own pixels where it shows the person well; field: its colours alone "
+        "(default: photo)",
+    )
 
 
 def add_trait_options(group: _ArgumentGroup) -> None:
@@ -329,7 +357,11 @@ def add_picture_options(group: _ArgumentGroup) -> None:
 def add_rig_options(group: _ArgumentGroup) -> None:
     """Skeleton, names and sliders."""
     add = group.add_argument
-    add("--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton; vrm wants t (default: a)")
+    add(
+        "--pose",
+        metavar="x|t|a|photo|FILE.npz",
+        help="rest pose of the skeleton; photo: as in the first --photo; vrm wants t (default: a)",
+    )
     add(
         "--joints",
         choices=("all", "24", "moving"),
@@ -411,7 +443,10 @@ def make_request(options: Namespace) -> "ExportRequest":
         options.wear = tuple(sorted(chain(*options.wear)))
     if options.lods is not None:
         options.faces, *options.levels = options.lods
-    if options.pose is not None and options.pose.lower() in NAMED_POSES:
+    options.photo_pose = options.pose is not None and options.pose.lower() == PHOTO_POSE
+    if options.photo_pose:
+        options.pose = None
+    elif options.pose is not None and options.pose.lower() in NAMED_POSES:
         options.pose = options.pose.lower()
     elif options.pose is not None:
         options.pose, options.pose_file = None, Path(options.pose)

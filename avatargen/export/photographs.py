@@ -1,0 +1,197 @@
+"""People of photographs: the generator's person who is most like the one that is seen, and the photographs'
+own colours on that person's texture."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64, UInt8
+
+import avatargen
+from assets.asset.asset import PlainAsset, TexturedAsset
+from assets.picture.preview import sample_texture
+from assets.texture.atlas import Atlas
+from assets.texture.bake import TexelMap, map_texels
+from avatargen.avatar import Avatar
+from avatargen.body.model import CanonicalBody
+from avatargen.dressed_avatar import DressedSampler
+from avatargen.errors import InputError
+from avatargen.export.request import ExportRequest
+from avatargen.photo.fit import Fit, Fitter, check_whole
+from avatargen.photo.picture import read_mask, read_picture
+from avatargen.photo.pixels import Shown, evened, scene_of, show, trust
+from avatargen.photo.resembling.person import attributes_of, avatar_of
+from avatargen.photo.resembling.pieces import Dresser
+from avatargen.photo.resembling.resemble import Resemblance, Wardrobe, resemble
+from avatargen.photo.seeing.see import open_eyes, see
+from avatargen.photo.sighting import Sighting
+from avatargen.wardrobe.choosing import Traits
+
+GENDERS = ("woman", "man")
+GAMMA = 2.2  # of `sample_texture`'s linear light
+AGE = "young"  # where nobody tells
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FoundPerson:
+    """A person in photographs, and the person of the generator who is most like them."""
+
+    sightings: tuple[Sighting, ...]
+    fits: tuple[Fit, ...]
+    resemblance: Resemblance
+    avatar: Avatar
+    gender_told: bool
+    seconds: dict[str, float]
+
+    def facts(self) -> dict[str, object]:
+        """What was found, for scripts to read."""
+        return {
+            "photos": [each.picture.name for each in self.sightings],
+            "people": [each.people for each in self.sightings],
+            "gender_told": self.gender_told,
+            "height_told": self.fits[0].height_known,
+            "uncertain": [list(each.uncertain) for each in self.fits],
+            "miss": round(self.resemblance.miss, 3),
+            "seconds": {name: round(value, 3) for name, value in self.seconds.items()},
+        }
+
+    def lines(self) -> list[str]:
+        """What whoever gave the photographs should know."""
+        found = []
+        for sighting, fit in zip(self.sightings, self.fits, strict=True):
+            name = sighting.picture.name
+            if sighting.people > 1:
+                found.append(f"{name}: {sighting.people} people; the largest was taken")
+            if fit.uncertain:
+                found.append(f"{name}: it does not show well where {', '.join(fit.uncertain)} are")
+        if not self.fits[0].height_known:
+            found.append(
+                f"one picture does not show how tall somebody is: taken as {self.fits[0].height:.2f} m; --height tells"
+            )
+        return found
+
+
+class PhotoPeople:
+    """The person of a request's photographs."""
+
+    def __init__(self, request: ExportRequest) -> None:
+        sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
+        if not isinstance(sampler, DressedSampler) or sampler.sizing is None:
+            raise InputError("found --photo with people of other weights or another body; leave those out")
+        self.request, self.sampler = request, sampler
+        self.seen: FoundPerson | None = None
+
+    @property
+    def body(self) -> CanonicalBody:
+        return self.sampler.body
+
+    @property
+    def found(self) -> FoundPerson:
+        assert self.seen is not None, "sampled first"
+        return self.seen
+
+    def sample(self, seed: int) -> Avatar:
+        """Look at the photographs. Raises InputError where they show no whole person."""
+        started = time.perf_counter()
+        sightings = look_at_all(self.request)
+        self.seen = find_person(self.sampler, sightings, self.request.traits)
+        self.seen.seconds["see"] = time.perf_counter() - started - sum(self.seen.seconds.values())
+        return self.seen.avatar
+
+    def pose(self, joint_names: tuple[str, ...]) -> Float64[np.ndarray, "J 3"]:
+        """The first photograph's pose, upright where its camera was level."""
+        names = self.body.joint_names
+        rows = [names.index(DRIVER.get(name, name)) for name in joint_names]
+        return self.found.fits[0].rotations[rows]
+
+    def painted(self, asset: PlainAsset) -> PlainAsset:
+        """The asset in the photographs' pixels; one without a texture as it is."""
+        return painted(asset, self.found) if isinstance(asset, TexturedAsset) else asset
+
+
+DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
+
+
+def look_at_all(request: ExportRequest) -> tuple[Sighting, ...]:
+    """What each photograph shows. Raises InputError where one shows no whole person."""
+    pictures = [read_picture(path) for path in request.photos]
+    eyes = open_eyes()
+    sightings = tuple(see(picture, eyes) for picture in pictures)
+    for sighting in sightings:
+        check_whole(sighting)
+    if request.mask is None:
+        return sightings
+    return (replace(sightings[0], mask=read_mask(request.mask, sightings[0].picture)),)
+
+
+def find_person(sampler: DressedSampler, sightings: Sequence[Sighting], traits: Traits) -> FoundPerson:
+    """Fit and dress the person who was seen. `traits` may tell gender, age and height."""
+    assert sampler.sizing is not None
+    seconds = {"fit": 0.0, "resemble": 0.0}
+    fitter, wardrobe = Fitter(sampler.body.source, sampler.sizing), Wardrobe(sampler)
+    found: list[tuple[tuple[Fit, ...], Resemblance]] = []
+    for sex in GENDERS if traits.gender is None else (traits.gender,):
+        started = time.perf_counter()
+        fits = fitter.fit_together(sightings, height=traits.height, gender=sex)
+        fitted = time.perf_counter()
+        found.append((fits, resemble(sampler, wardrobe, sightings, fits, sex)))
+        seconds["fit"] += fitted - started
+        seconds["resemble"] += time.perf_counter() - fitted
+    fits, best = min(found, key=lambda each: each[1].miss)
+    person = attributes_of(sampler, best, traits.age or AGE)
+    return FoundPerson(
+        sightings=tuple(sightings),
+        fits=fits,
+        resemblance=best,
+        avatar=avatar_of(sampler, person, fits[0]),
+        gender_told=traits.gender is not None,
+        seconds=seconds,
+    )
+
+
+def painted(asset: TexturedAsset, found: FoundPerson) -> TexturedAsset:
+    """The asset, where photographs show it well in their own colours; where several do, the best one's most."""
+    assert asset.canonical is not None
+    texels = map_texels(
+        Atlas(vertex_map=np.arange(len(asset.vertices)), uv=asset.uv, faces=asset.faces), len(asset.texture)
+    )
+    dresser = Dresser(found.avatar.body)
+    shown = [
+        shown_by(asset, texels, dresser.move(asset.canonical, fit), sighting, fit)
+        for sighting, fit in zip(found.sightings, found.fits, strict=True)
+    ]
+    return replace(asset, texture=blended(asset.texture, texels, shown))
+
+
+def shown_by(
+    asset: TexturedAsset,
+    texels: TexelMap,
+    vertices: Float64[np.ndarray, "W 3"],
+    sighting: Sighting,
+    fit: Fit,
+) -> Shown:
+    """The texels that filtering reads, in one photograph."""
+    scene = scene_of(vertices, asset.faces, fit.camera)
+    tall = float((sighting.mask > 0.5).any(axis=1).sum())
+    trusted = trust(scene.seen, sighting.mask, tall)
+    own = np.zeros(sighting.picture.pixels.shape)
+    at = scene.seen.mask
+    own[at] = sample_texture(asset, scene.seen.face[at], scene.seen.barycentric[at]).clip(0, 1) ** (1 / GAMMA)
+    photograph = evened(sighting.picture.pixels, own, trusted, tall)
+    asked = texels.asked
+    return show(scene, texels.face[asked], texels.barycentric(asked), photograph, trusted)
+
+
+def blended(
+    texture: UInt8[np.ndarray, "S S 3"], texels: TexelMap, shown: Sequence[Shown]
+) -> UInt8[np.ndarray, "S S 3"]:
+    """The texture with what is shown laid over it."""
+    values = texture.reshape(-1, 3).astype(np.float64)
+    weights = np.stack([each.weight**2 for each in shown])
+    most = np.max([each.weight for each in shown], axis=0)
+    colors = np.einsum("pt,ptc->tc", weights, np.stack([each.color for each in shown]))
+    colors /= np.maximum(weights.sum(axis=0), 1e-9)[:, None]
+    old = values[texels.asked]
+    values[texels.asked] = old + most[:, None] * (255 * colors - old)
+    return texels.spread(np.rint(values).astype(np.uint8).reshape(texture.shape))

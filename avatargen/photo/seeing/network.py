@@ -1,0 +1,34 @@
+"""A network of a .tflite file, run on a processor."""
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float32
+
+from avatargen.extras import require_extra
+
+
+class Network(Protocol):
+    """Pictures to numbers."""
+
+    def __call__(self, picture: Float32[np.ndarray, "H W 3"]) -> list[np.ndarray]: ...
+
+
+class FileNetwork:
+    """The network of a file. Raises InputError where its runtime is not installed."""
+
+    def __init__(self, path: Path) -> None:
+        require_extra("ai_edge_litert")
+        from ai_edge_litert.interpreter import Interpreter
+
+        self.interpreter = Interpreter(str(path), num_threads=1)
+        self.interpreter.allocate_tensors()
+        self.input = self.interpreter.get_input_details()[0]["index"]
+        self.outputs = [each["index"] for each in self.interpreter.get_output_details()]
+
+    def __call__(self, picture: Float32[np.ndarray, "H W 3"]) -> list[np.ndarray]:
+        """All outputs, for one picture."""
+        self.interpreter.set_tensor(self.input, picture[None].astype(np.float32))
+        self.interpreter.invoke()
+        return [self.interpreter.get_tensor(index) for index in self.outputs]
