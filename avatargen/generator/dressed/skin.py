@@ -15,8 +15,10 @@ from avatargen.generator.dressed.generator import LearnedSkin
 from avatargen.generator.dressed.tables import Surface, Table
 from avatargen.wardrobe.bare import LASH, UNDERWEAR, underwear
 from avatargen.wardrobe.dressed import chosen
+from avatargen.wardrobe.hair_paint import HairPaint
 from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.makehuman.choose import Attributes
+from avatargen.wardrobe.makehuman.grooming import paint_of
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.texture import texels
 
@@ -65,6 +67,7 @@ class ReadySkin:
             brow_colour=0.55 * np.array(person.hair_colour) + 0.02,
             iris=self.irises[config.irises.index(person.eyes)],
             chest_covered=person.sex == "woman",
+            hair=paint_of(person),
         )
 
 
@@ -79,6 +82,10 @@ class PersonSkin:
     brow_colour: Float64[np.ndarray, "3"]
     iris: np.ndarray
     chest_covered: bool
+    hair: HairPaint
+
+    def relief(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        return self.hair.relief(points)
 
     def color(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float64[np.ndarray, "N 3"]:
         """sRGB at points whose closest point on the body is given."""
@@ -91,6 +98,7 @@ class PersonSkin:
         foot = np.einsum("nk,nka->na", hit.barycentric, body.vertices[corners]).astype(np.float64)
         colour = colour.astype(np.float64)
         colour += (UNDERWEAR - colour) * underwear(body, foot, self.chest_covered)[:, None]
+        colour = self.hair.painted(colour, foot)
         drawn = ready.drawn.at(hit)
         if self.brow is not None:
             colour += (self.brow_colour - colour) * drawn[:, [self.brow]]

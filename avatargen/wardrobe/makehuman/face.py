@@ -14,6 +14,7 @@ from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.mesh.closest import ClosestPoints
 from avatargen.wardrobe.bare import LASH, UNDERWEAR, underwear
+from avatargen.wardrobe.hair_paint import HairPaint
 from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment
@@ -45,6 +46,10 @@ class SkinPaint:
     lashes: FittedGarment | None
     brow_colour: Float64[np.ndarray, "3"]
     chest_covered: bool  # underwear is always on: briefs, and this adds a top
+    hair: HairPaint | None = None  # on scalp and chin
+
+    def relief(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        return np.zeros(len(points)) if self.hair is None else self.hair.relief(points)
 
     @cached_property
     def corners(self) -> Float64[np.ndarray, "F 3 2"]:
@@ -70,6 +75,8 @@ class SkinPaint:
             np.float64
         )
         colour += (UNDERWEAR - colour) * underwear(self.body, foot, self.chest_covered)[:, None]
+        if self.hair is not None:
+            colour = self.hair.painted(colour, foot)
         eye = (self.on_eye[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
         face = np.flatnonzero((foot[:, 1] > self.hm08.eyes[0, 1] - 0.06) & (foot[:, 2] > 0.05))
         colour[face] = self.paint_brows(colour[face], foot[face])

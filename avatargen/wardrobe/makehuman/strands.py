@@ -85,6 +85,12 @@ class Strands:
         row, step = np.nonzero(beneath)
         return foot[row] + steps[step, None] * up[row]
 
+    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        """Metres that the hair is away from each point at least: to a box around it."""
+        low, high = self.samples[0].min(axis=0), self.samples[0].max(axis=0)
+        off = np.linalg.norm(points - np.clip(points, low, high), axis=1)
+        return (off - BRIDGE).clip(0).astype(np.float32)
+
     def distance(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
         """Signed distance to the hair's volume, which fills the head behind it too, m."""
         low, values = self.grid
