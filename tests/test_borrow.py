@@ -6,8 +6,10 @@ import pytest
 
 from avatargen import load_generator
 from avatargen.errors import InputError
+from avatargen.wardrobe.hairline import Hairline
 from avatargen.wardrobe.makehuman.borrow import borrow, worn_by
 from avatargen.wardrobe.makehuman.choose import Attributes
+from avatargen.wardrobe.makehuman.hairs import HairWorn
 
 PLAIN = Attributes(
     sex="woman",
@@ -21,6 +23,8 @@ PLAIN = Attributes(
     lashes="",
     hair=None,
     hair_colour=(0.1, 0.1, 0.1),
+    hair_worn=HairWorn(mirrored=False, length=0.5, line=Hairline(), shaved=False),
+    beard="none",
     garments=(),
     colours=(),
     kinds=(),

@@ -40,8 +40,8 @@ SINGLE = np.float32  # what layers say has single precision, and so has what is 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cloth:
-    """A layer at some points: signed distance (m), way along the cloth to its nearest edge (m), sRGB. Hair has
-    0 in place of a way where it grows, and 1 where it is loose."""
+    """A layer at some points: signed distance (m), way along the cloth to its nearest edge (m), sRGB. Hair
+    has 0 in place of a way where it grows, and 1 where it is loose."""
 
     distance: Float[np.ndarray, " M"]
     rim: Float[np.ndarray, " M"]

@@ -1,8 +1,8 @@
 """How strands of hair lie: streaks along the way that they are combed, computed from a point in space.
 
-Hair falls from a parting, or from a whorl where that has no length, over the head and straight down; tied hair
-runs to a knot behind; curls have no direction. Across the strands the pattern is random, along them it changes
-slowly.
+Hair falls from a parting, or from a whorl where that has no length, over the head and straight down; tied
+hair runs to a knot behind; curls have no direction. Across the strands the pattern is random, along them it
+changes slowly.
 
 Letters: N points. Metres, canonical space.
 """
@@ -21,7 +21,7 @@ FINE, MIDDLE, CLUMP = 0.0017, 0.0042, 0.0105  # m across strands, tufts and lock
 LONG = (0.030, 0.055, 0.110)  # m along them
 CURL = (0.0045, 0.0095)  # m of curls
 CENTRE = (0.0, 0.735, 0.045)  # m, of the skull
-WAVE = 0.0022  # m that strands wave to and fro
+WAVE = 0.0014  # m that strands wave to and fro
 
 
 @dataclass(frozen=True, kw_only=True)

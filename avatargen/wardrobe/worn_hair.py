@@ -1,5 +1,5 @@
-"""Hair as one person has it: a volume, of whatever origin, grown from the person's hairline and coloured strand
-by strand.
+"""Hair as one person has it: a volume, of whatever origin, grown from the person's hairline and coloured
+strand by strand.
 
     volume's distance --as long as this person's--> --no further than it may stand off the skin--> distance
     volume's shade x strands x colour --> sRGB
@@ -11,7 +11,7 @@ Letters: N points, V vertices and F faces of the body. Metres, canonical space.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
@@ -26,13 +26,18 @@ from avatargen.wardrobe.strand_pattern import Flow
 Rgb = tuple[float, float, float]
 
 BEGINS = 0.004  # m within the hairline, from where hair has a thickness; up to there it is drawn on the skin
+RISE = (0.45, 15.0)  # how hair rises from its line: flat at first, then ever steeper
 FULL = 0.022  # m within it, from where skin is covered
 DEEP = 0.012  # m under the skin that hair is kept to where it may not be
-BESIDE = (0.050, 2.5)  # m from the middle of the face; beyond, loose hair hangs, this much more a metre
+BESIDE = (0.058, 2.5)  # m from the middle of the face; beyond, loose hair hangs, this much more a metre
+FORWARD = (0.104, 0.110, 0.73, 0.80)  # m that it hangs forward beside the face, more between these heights
+OPEN = (0.70, 0.80, 0.05)  # m: between these heights the face's opening becomes this much wider
 BEHIND = (0.100, 4.0)  # m round the head, and the same: hair before the ears and behind them
+NECK = 0.61  # m: below this height loose hair hangs freely
 NAPE = 0.165  # m round the head, from where tied hair hangs
 ENDS = 0.014  # m that strands end higher or lower
 COLOURED = 0.02  # m from hair beyond which it has no colour
+KNOWN = 0.006  # m from a volume's surface, about as far as its shades are known
 FREE, GROWN = 1.0, 0.0  # as ways to an edge: of hair that hangs, and where it grows
 CROPPED, HANGING, TAILED = 0, 1, 2
 
@@ -73,7 +78,7 @@ class Hairdo:
     ) -> Float32[np.ndarray, "N 3"]:
         """sRGB from a volume's shades (1 on average), strands, and metres over the skin."""
         strand, lock, gloss = pattern.T
-        light = 1 + 0.55 * (shade.clip(0.4, 1.8) - 1)
+        light = 1 + 0.5 * (shade.clip(0.6, 1.6) - 1)
         light = light * (1 + 0.26 * strand + 0.12 * lock) * (0.72 + 0.28 * (above / 0.008).clip(0, 1))
         shine = gloss * (0.55 + 0.45 * strand).clip(0, 1)
         own = np.array(self.colour)
@@ -125,18 +130,39 @@ class WornHair:
         hairdo, cut = self.hairdo, self.hairdo.cut
         stored = hairdo.places(points)
         pattern = cut.flow.pattern(stored)
-        distance = self.volume.distance(stored).astype(np.float32)
+        whole = self.volume.distance(stored).astype(np.float32)
+        distance = whole.copy()
         rim = np.empty(len(points), np.float32)
-        vertices, faces = self.body.vertices, self.body.faces
-        settings = (cut.kind, cut.rise, cut.least, cut.ridges, hairdo.end)
-        skin = (vertices, faces, hit.face, hit.barycentric, hit.distance)
-        fit_hair(points, *skin, hairdo.line.corners, pattern, *settings, distance, rim)
+        skin = Skin(self.body.vertices, self.body.faces, hit.face, hit.barycentric, hit.distance)
+        rule = Rule(cut.kind, cut.rise, cut.least, cut.ridges, hairdo.end)
+        fit_hair(points, skin, hairdo.line.corners, pattern, rule, distance, rim)
         colour = np.full((len(points), 3), 0.5, np.float32)
         near = np.flatnonzero(distance < COLOURED) if coloured else np.zeros(0, np.int64)
         if len(near):
-            shade = self.volume.shade(stored[near])
+            known = np.exp(-((whole[near] / KNOWN) ** 2))  # a cut surface is none that anybody painted
+            shade = 1 + known * (self.volume.shade(stored[near]) - 1)
             colour[near] = hairdo.coloured(shade, pattern[near], hit.distance[near])
         return Cloth(distance=distance, rim=rim, color=colour)
+
+
+class Skin(NamedTuple):
+    """The body [V 3] [F 3], and the place on it nearest to each point: a face, weights [N 3], m over it."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    face: np.ndarray
+    weights: np.ndarray
+    above: np.ndarray
+
+
+class Rule(NamedTuple):
+    """Numbers of a hairdo."""
+
+    kind: int
+    rise: float
+    least: float
+    ridges: float
+    end: float
 
 
 @inner
@@ -146,14 +172,27 @@ def ramp(x, low, high):
     return t * t * (3 - 2 * t)
 
 
+@inner
+def loose_room(kind, side, x, y, z):
+    """Metres of room over a place on the skin that loose hair has besides what grows there, `side` metres
+    from the middle of the face."""
+    if y < NECK:
+        return 1.0
+    behind = AROUND * abs(np.arctan2(x, z - AXIS_Z))
+    if kind == TAILED:
+        return BEHIND[1] * max(behind - NAPE, 0.0)
+    half = BESIDE[0] + OPEN[2] * ramp(y, OPEN[0], OPEN[1])
+    return BESIDE[1] * max(side - half, 0.0) + BEHIND[1] * max(behind - BEHIND[0], 0.0)
+
+
 @compiled
-def fit_hair(
-    points, vertices, faces, face, weights, above, line, pattern, kind, rise, least, ridges, end, distance, rim
-):
+def fit_hair(points, skin, line, pattern, rule, distance, rim):
     """Change a volume's distances [N] at points [N 3] to those of one person's hair, and fill in `rim` [N].
 
-    The skin nearest to each point is a face of the body and weights [N 3], `above` [N] metres below it.
+    `line` [K 2] is the hairline, `pattern` [N 3] of the strands.
     """
+    vertices, faces, face, weights, above = skin
+    kind, rise, least, ridges, end = rule
     for n in range(len(points)):
         foot_x, foot_y, foot_z = 0.0, 0.0, 0.0
         for k in range(3):
@@ -162,20 +201,17 @@ def fit_hair(
             foot_y += weights[n, k] * vertices[corner, 1]
             foot_z += weights[n, k] * vertices[corner, 2]
         way = way_within(foot_x, foot_y, foot_z, line)
-        round_ = AROUND * abs(np.arctan2(foot_x, foot_z - AXIS_Z))
-        room = max(rise * (way - BEGINS), -DEEP)
-        if kind == HANGING:
-            room += BESIDE[1] * max(abs(points[n, 0]) - BESIDE[0], 0.0)
-            room += BEHIND[1] * max(round_ - BEHIND[0], 0.0)
-            if foot_y < 0.60:
-                room += 1.0
-        elif kind == TAILED:
-            room += BEHIND[1] * max(round_ - NAPE, 0.0)
-            if foot_y < 0.62:
-                room += 1.0
         grown = ramp(way, BEGINS, FULL)
         found = distance[n] - ridges * pattern[n, 1] * grown
-        found = max(found, end + ENDS * pattern[n, 0] * 0.5 - points[n, 1])
-        found = min(found, above[n] - least * grown if way > 0 else 1.0)
+        found = max(found, end + 0.5 * ENDS * pattern[n, 0] - points[n, 1])
+        if way > 0:
+            found = min(found, above[n] - least * grown)
+        far = way - BEGINS
+        room = max(rise * far * (RISE[0] + RISE[1] * max(far, 0.0)), -DEEP)
+        if kind == HANGING:
+            front = FORWARD[0] + FORWARD[1] * ramp(points[n, 1], FORWARD[2], FORWARD[3])
+            found = max(found, 0.8 * (points[n, 2] - front))
+        if kind != CROPPED:
+            room += loose_room(kind, abs(points[n, 0]), foot_x, foot_y, foot_z)
         distance[n] = max(found, above[n] - room)
         rim[n] = FREE + (GROWN - FREE) * ramp(way, -0.002, 0.004)

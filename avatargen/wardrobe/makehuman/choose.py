@@ -210,7 +210,7 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
         lashes=str(draw.one_of("lashes", tuple(sorted(lashes)))) if lashes else "",
         hair=hair,
         hair_colour=natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear")),
-        hair_worn=hair_worn(*map(draw.share, ("hair_part", "hair_length", "hairline")), woman, years),
+        hair_worn=hair_worn(draw.share, woman, years),
         beard=beard_style(draw.share("beard"), woman),
         garments=tuple(worn),
         colours=tuple(colours),

@@ -22,6 +22,7 @@ SAYING = (
     (("skin",), ("skin_light",), ()),
     (("hair",), ("hair_style",), ("woman", "skin_light")),
     (("hair_color",), ("hair_colour", "wear"), ("age", "skin_light", "hair_style")),
+    (("beard",), ("beard",), ("woman",)),
     (("top", "outer"), ("top_item",), ("woman",)),
     (("bottom",), ("bottom_item", "top_item"), ("woman",)),
     (("shoes",), ("shoes_item",), ("woman",)),

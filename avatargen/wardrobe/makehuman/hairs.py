@@ -1,6 +1,6 @@
-"""What hair and beard a draw gives: style, colour, which way round it is combed, how long, from which line."""
+"""What hair and beard a draw gives: style, colour, which way round it is combed, how long, and its line."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from avatargen.wardrobe.hairline import Hairline
@@ -48,8 +48,9 @@ def tied(name: str) -> bool:
     return name.startswith(("ponytail", "braid"))
 
 
-def hair_worn(part: float, length: float, high: float, woman: bool, years: float) -> HairWorn:
-    """Of shares: which side the parting is on, length and hairline, which recedes with men's age."""
+def hair_worn(share: Callable[[str], float], woman: bool, years: float) -> HairWorn:
+    """Of a draw's shares: which side the parting is on, length and hairline, which recedes with men's age."""
+    part, length, high = share("hair_part"), share("hair_length"), share("hairline")
     lost = 0.0 if woman else max(high - 0.45, 0.0) * max(years - 0.25, 0.0)
     return HairWorn(
         mirrored=part > 0.5,
