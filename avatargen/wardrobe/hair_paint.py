@@ -16,8 +16,8 @@ from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.strand_pattern import Flow
 
 HEAD_LOW = 0.59  # m, under every hairline
-RAGGED = 0.005  # m that single strands begin before the line, or behind it
-EDGE = (-0.0035, 0.0045)  # m within the line, from where skin is seen to where it is not
+RAGGED = 0.0032  # m that single strands begin before the line, or behind it
+EDGE = (-0.0040, 0.0060)  # m within the line, from where skin is seen to where it is not
 
 Rgb = tuple[float, float, float]
 

@@ -38,7 +38,7 @@ LINE = np.array(
         [0.300, 0.6300],  # nape
     ]
 )
-FOREHEAD, TEMPLE = (0.0, 0.075), (0.056, 0.024)  # m round the head: where and how wide the line recedes
+FOREHEAD, TEMPLE = (0.0, 0.075), (0.058, 0.028)  # m round the head: where and how wide the line recedes
 HIGHEST = 0.83  # m that no line reaches
 WIDE = 0.16  # m from the axis, beyond which there is no head
 

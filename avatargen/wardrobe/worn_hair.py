@@ -29,10 +29,11 @@ BEGINS = 0.004  # m within the hairline, from where hair has a thickness; up to 
 RISE = (0.45, 15.0)  # how hair rises from its line: flat at first, then ever steeper
 FULL = 0.022  # m within it, from where skin is covered
 DEEP = 0.012  # m under the skin that hair is kept to where it may not be
-BESIDE = (0.058, 2.5)  # m from the middle of the face; beyond, loose hair hangs, this much more a metre
-FORWARD = (0.104, 0.110, 0.73, 0.80)  # m that it hangs forward beside the face, more between these heights
-OPEN = (0.70, 0.80, 0.05)  # m: between these heights the face's opening becomes this much wider
-BEHIND = (0.100, 4.0)  # m round the head, and the same: hair before the ears and behind them
+BESIDE = (0.068, 2.0)  # m from the middle of the face; beyond, loose hair hangs, this much more a metre
+FORWARD = (0.100, 0.110, 0.73, 0.80)  # m that it hangs forward beside the face, more between these heights
+OPEN = (0.70, 0.80, 0.03)  # m: between these heights the face's opening becomes this much wider
+BEHIND = (0.080, 2.5)  # m round the head, and the same: hair before the ears and behind them
+BULK = (0.040, 0.69, 0.62)  # m that hair stands off a head at most, above these heights
 NECK = 0.61  # m: below this height loose hair hangs freely
 NAPE = 0.165  # m round the head, from where tied hair hangs
 ENDS = 0.014  # m that strands end higher or lower
@@ -78,7 +79,7 @@ class Hairdo:
     ) -> Float32[np.ndarray, "N 3"]:
         """sRGB from a volume's shades (1 on average), strands, and metres over the skin."""
         strand, lock, gloss = pattern.T
-        light = 1 + 0.5 * (shade.clip(0.6, 1.6) - 1)
+        light = 1 + 0.4 * (shade.clip(0.6, 1.6) - 1)
         light = light * (1 + 0.26 * strand + 0.12 * lock) * (0.72 + 0.28 * (above / 0.008).clip(0, 1))
         shine = gloss * (0.55 + 0.45 * strand).clip(0, 1)
         own = np.array(self.colour)
@@ -213,5 +214,7 @@ def fit_hair(points, skin, line, pattern, rule, distance, rim):
             found = max(found, 0.8 * (points[n, 2] - front))
         if kind != CROPPED:
             room += loose_room(kind, abs(points[n, 0]), foot_x, foot_y, foot_z)
+        if kind == HANGING:
+            room = min(room, BULK[0] + ramp(-foot_y, -BULK[1], -BULK[2]))
         distance[n] = max(found, above[n] - room)
         rim[n] = FREE + (GROWN - FREE) * ramp(way, -0.002, 0.004)

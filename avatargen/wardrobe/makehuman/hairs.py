@@ -7,7 +7,7 @@ from avatargen.wardrobe.hairline import Hairline
 from avatargen.wardrobe.skin import HAIR_TONES
 
 BALD = 0.93  # of men's share of styles, from where they have none
-CROSS = 0.06  # share of those who wear what the other sex usually does
+CROSS = ((0.88, BALD), (0.95, 1.01))  # of men's and women's, where they wear what the other sex usually does
 SHAVED = 0.5  # share of the bald whose hair shows as a shadow
 AFRO = 0.7  # darkness of a skin from which hair may be afro
 BEARDED = (("stubble", 0.13), ("full", 0.24), ("goatee", 0.30), ("moustache", 0.35))  # men, by share
@@ -27,21 +27,23 @@ class HairWorn:
 def hair_style(share: float, tags: Mapping[str, tuple[str, ...]], woman: bool, dark: float) -> str | None:
     """A style (names with their `tags`) for the sex; afro hair on dark skins. A few men have long hair, and a
     few women a man's short cut."""
-    if not woman and share > BALD:
+    bald, crossed = not woman and share > BALD, CROSS[woman][0] < share < CROSS[woman][1]
+    if bald or not tags:
         return None
-    crossed = share < CROSS
-    share = share / CROSS if crossed else (share - CROSS) / ((1 if woman else BALD) - CROSS)
-
-    def fits(own: tuple[str, ...]) -> bool:
-        sexed = {"Male", "Female"} & set(own)
-        if crossed:
-            return "Male" in own if woman else {"Female", "Long"} <= set(own)
-        return ("Female" in own) == woman or (not sexed and ("Afro" not in own or dark > AFRO))
-
-    loose = [name for name in tags if not crossed or woman or not tied(name)]
-    fitting = sorted(name for name in loose if fits(tags[name]))
+    fitting = sorted(name for name, own in tags.items() if fits(name, own, woman, crossed, dark))
     fitting = fitting or sorted(tags)
-    return fitting[min(int(share * len(fitting)), len(fitting) - 1)] if fitting else None
+    low, high = CROSS[woman] if crossed else (0.0, CROSS[woman][0])
+    return fitting[min(int((share - low) / (high - low) * len(fitting)), len(fitting) - 1)]
+
+
+def fits(name: str, tags: tuple[str, ...], woman: bool, crossed: bool, dark: float) -> bool:
+    """Whether a style suits somebody, or somebody who wears what the other sex usually does."""
+    if crossed:
+        return "Male" in tags if woman else {"Female", "Long"} <= set(tags) and not tied(name)
+    if not {"Male", "Female"} & set(tags):
+        return "Afro" not in tags or dark > AFRO
+    cropped = "Short" in tags and "Bob" not in tags  # a woman's crop, cut at the hairline, is a man's, too
+    return "Female" in tags if woman else "Female" not in tags or cropped
 
 
 def tied(name: str) -> bool:
@@ -55,7 +57,7 @@ def hair_worn(share: Callable[[str], float], woman: bool, years: float) -> HairW
     return HairWorn(
         mirrored=part > 0.5,
         length=length,
-        line=Hairline(raised=0.010 * (high - 0.4) + 0.05 * lost, receded=0.008 * high + 0.07 * lost),
+        line=Hairline(raised=0.007 * (high - 0.5) + 0.03 * lost, receded=0.004 * high + 0.04 * lost),
         shaved=length < SHAVED,
     )
 

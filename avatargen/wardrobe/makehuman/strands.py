@@ -29,10 +29,11 @@ SPACING = 0.0012  # m between samples
 OPAQUE = 0.4  # alpha from which a card counts
 BRIDGE = 0.006  # m: gaps up to twice this are closed
 ROOTED = 0.025  # m over the skin up to which hair is filled down to it
-OVER_HEAD = 0.07  # m, the same over a head and a neck, so that no shell is hollow
-NECK_Y = 0.59  # m: they are above this
+OVER_FACE = 0.07  # m, the same over a face and what is beside it, where hair is cut open later
+FACE_Y, FACE_Z = 0.59, 0.0  # m: they are above this and before this
 WIDE = 0.018  # m: pits in the hair on the head up to twice this are filled
-ON_HEAD = 0.035  # m over it that they are
+HEAD_Y, ON_HEAD = 0.66, 0.035  # m: from where on that is so, and up to how far over the skin
+SHEET = 0.014  # m that hair farther off is thick at least: meshes tear what is thinner
 ROOTS = 0.008  # m under the skin that it is filled to
 CORE = 0.006  # m under the skin from which the head counts as hair's inside
 NEAR = 0.024  # m from the cards that anything is hair
@@ -75,7 +76,7 @@ class Strands:
         closed = closing(rooted, BRIDGE)
         enclosed = np.asarray(binary_fill_holes(closed | (depth > 0))) & (depth <= 0)
         whole = closed | enclosed | (depth > CORE)
-        head = np.s_[:, max(int((NECK_Y - low[1]) / CELL), 0) :]
+        head = np.s_[:, max(int((HEAD_Y - low[1]) / CELL), 0) :]
         whole[head] |= closing(whole[head], WIDE) & (np.abs(depth[head] + 0.5 * ON_HEAD) < 0.5 * ON_HEAD)
         return low, signed(largest(whole & (CELL * cells_to(rooted) <= NEAR)))
 
@@ -96,7 +97,8 @@ class Strands:
         return coarse[: shape[0], : shape[1], : shape[2]]
 
     def roots(self) -> Float64[np.ndarray, "R 3"]:
-        """Points from the samples straight down to the skin and a little further."""
+        """Points from the samples straight down to the skin and a little further; where that is far, down a
+        sheet's thickness."""
         points, _ = self.samples
         _, first = np.unique(np.round(points / CELL).astype(np.int64), axis=0, return_index=True)
         hit = self.body.query(points[first].astype(np.float32))
@@ -106,9 +108,10 @@ class Strands:
         far = np.abs(hit.distance) > 0.5 * CELL  # nearer by, the way to the skin has no direction
         up[far] = ((points[first] - foot) * np.sign(hit.distance)[:, None])[far]
         up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
-        steps = np.arange(-ROOTS, OVER_HEAD, 0.5 * CELL)
-        reach = np.where(foot[:, 1] > NECK_Y, OVER_HEAD, ROOTED)
-        beneath = (steps < hit.distance[:, None]) & (hit.distance < reach)[:, None]
+        steps = np.arange(-ROOTS, max(OVER_FACE, float(hit.distance.max())), 0.5 * CELL)
+        reach = np.where((foot[:, 1] > FACE_Y) & (foot[:, 2] > FACE_Z), OVER_FACE, ROOTED)
+        down_to = np.where(hit.distance < reach, -ROOTS, hit.distance - SHEET)
+        beneath = (steps < hit.distance[:, None]) & (steps >= down_to[:, None])
         row, step = np.nonzero(beneath)
         return foot[row] + steps[step, None] * up[row]
 
