@@ -28,17 +28,19 @@ from avatargen.body.model import Body, CanonicalBody, canonical_body, shape
 from avatargen.generator.config import body_hash
 from avatargen.generator.dressed.checkpoint import load_dressed
 from avatargen.generator.dressed.config import DressedConfig
-from avatargen.generator.dressed.garment import ReadyGarment, WornGarment, ready_garment
+from avatargen.generator.dressed.garment import LearnedHair, ReadyGarment, WornGarment, ready_garment
 from avatargen.generator.dressed.skin import ReadySkin, ready_skin
 from avatargen.shipped import shipped
-from avatargen.wardrobe.appearance import Dye, HairDye
+from avatargen.wardrobe.appearance import Dye
 from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.dressed import DressedField
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, Item, choose, draw_latent
 from avatargen.wardrobe.makehuman.condition import condition
+from avatargen.wardrobe.makehuman.grooming import hairdo_of
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.words import garment_word, hair_word
 from avatargen.wardrobe.stature import Sizing
+from avatargen.wardrobe.worn_hair import WornHair
 
 LOW, HIGH = (-1.05, -1.2, -0.35), (1.05, 1.0, 0.4)  # m; what a person's clothes and hair stay within
 
@@ -161,7 +163,8 @@ class DressedSampler:
         ]
         hair = None
         if person.hair is not None:
-            hair = WornGarment(ready=self.ready(person.hair), appearance=HairDye(dye=person.hair_colour))
+            volume = LearnedHair(ready=self.ready(person.hair))
+            hair = WornHair(volume=volume, hairdo=hairdo_of(person), body=self.fitted)
         return DressedField(
             body=self.fitted,
             distance=self.distance,

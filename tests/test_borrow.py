@@ -7,8 +7,10 @@ import pytest
 from avatargen import load_generator
 from avatargen.errors import InputError
 from avatargen.wardrobe.face_paint import FaceLines
+from avatargen.wardrobe.hairline import Hairline
 from avatargen.wardrobe.makehuman.borrow import borrow, worn_by
 from avatargen.wardrobe.makehuman.choose import Attributes
+from avatargen.wardrobe.makehuman.hairs import HairWorn
 
 PLAIN = Attributes(
     sex="woman",
@@ -21,6 +23,8 @@ PLAIN = Attributes(
     face=FaceLines(brow_width=0.5, brow_arch=0.5, lashes=0.5),
     hair=None,
     hair_colour=(0.1, 0.1, 0.1),
+    hair_worn=HairWorn(mirrored=False, length=0.5, line=Hairline(), shaved=False),
+    beard="none",
     garments=(),
     colours=(),
     kinds=(),

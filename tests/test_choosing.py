@@ -27,7 +27,8 @@ from exporters.read_glb import read_glb
 from tests.generators import random_generator
 from tests.tube import tube
 
-EVERY = [(name, value) for name, values in VALUES.items() for value in values]
+OTHERS = {("beard", "goatee")}  # that the procedural coding does not have
+EVERY = [(name, value) for name, values in VALUES.items() for value in values if (name, value) not in OTHERS]
 PEOPLE = 40
 
 
@@ -84,6 +85,11 @@ def test_only_what_decides_moves_and_a_second_time_nothing(name: str, value: str
         assert torch.equal(condition(once, traits_of({name: value})), once)
         if describe(People(z), 1.7).facts().get(name) == value and name in ("gender", "beard", "shoes"):
             assert torch.equal(once, z)  # who has it already stays the same
+
+
+def test_a_beard_that_the_coding_does_not_have_is_refused():
+    with pytest.raises(InputError, match="beard goatee: these weights have none, stubble, moustache, full"):
+        condition(drawn(5), Traits(beard="goatee"))
 
 
 def test_a_person_who_is_as_wanted_stays_the_same():

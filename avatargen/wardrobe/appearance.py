@@ -1,4 +1,4 @@
-"""How a garment, or hair, looks on one person: dyed and printed.
+"""How a garment looks on one person: dyed and printed.
 
 Colours change in CIELAB: the garment's median becomes the one asked for and what differs from it stays, so
 folds, seams and wear are kept. Prints are laid on the cloth by its size in metres.
@@ -56,18 +56,6 @@ class Dye:
             return colour
         usual = rgb_of(np.array(self.middle)[None])[0] if self.dye is None else np.array(self.dye)
         return printed(colour, places, self.kind, self.ink, self.width, float(usual.mean()))
-
-
-@dataclass(frozen=True, kw_only=True)
-class HairDye:
-    """Of hair, whose own colours are shades: 1 on average."""
-
-    dye: Rgb
-
-    def color(
-        self, own: Float[np.ndarray, "N c"], places: Float[np.ndarray, "N 2"]
-    ) -> Float[np.ndarray, "N 3"]:
-        return np.array(self.dye) * (1 + 0.75 * (own[:, :3] - 1)).clip(0.45, 1.7)
 
 
 def dyed(own: Float[np.ndarray, "N 3"], middle: tuple[float, float, float], dye: Rgb) -> np.ndarray:

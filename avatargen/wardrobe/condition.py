@@ -84,7 +84,10 @@ def outer_rules(outer: str) -> list[Rule]:
 
 
 def beard_rules(beard: str) -> list[Rule]:
-    number = {"none": 0, "stubble": 1, "full": 3}[beard]
+    numbers = {"none": 0, "stubble": 1, "moustache": 2, "full": 3}
+    if beard not in numbers:
+        raise InputError(f"beard {beard}: these weights have {', '.join(numbers)}; choose among them")
+    number = numbers[beard]
     rules: list[Rule] = [{"woman": False} | bits(BEARD, number)]
     return [{"woman": True}, *rules] if beard == "none" else rules
 

@@ -16,7 +16,9 @@ from avatargen.generator.dressed.tables import Surface, Table
 from avatargen.wardrobe.bare import UNDERWEAR, underwear
 from avatargen.wardrobe.dressed import chosen
 from avatargen.wardrobe.face_paint import FaceLines, paint_face
+from avatargen.wardrobe.hair_paint import HairPaint
 from avatargen.wardrobe.makehuman.choose import Attributes
+from avatargen.wardrobe.makehuman.grooming import paint_of
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.texture import texels
 
@@ -53,9 +55,10 @@ class ReadySkin:
             ready=self,
             tables=tables,
             lines=person.face,
-            hair=person.hair_colour,
+            hair_colour=person.hair_colour,
             iris=self.irises[config.irises.index(person.eyes)],
             chest_covered=person.sex == "woman",
+            hair=paint_of(person),
         )
 
 
@@ -66,9 +69,13 @@ class PersonSkin:
     ready: ReadySkin
     tables: tuple[Surface, ...]
     lines: FaceLines
-    hair: tuple[float, float, float]
+    hair_colour: tuple[float, float, float]
     iris: np.ndarray
     chest_covered: bool
+    hair: HairPaint
+
+    def relief(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        return self.hair.relief(points)
 
     def color(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float64[np.ndarray, "N 3"]:
         """sRGB at points whose closest point on the body is given."""
@@ -81,10 +88,10 @@ class PersonSkin:
         foot = np.einsum("nk,nka->na", hit.barycentric, body.vertices[corners]).astype(np.float64)
         colour = colour.astype(np.float64)
         colour += (UNDERWEAR - colour) * underwear(body, foot, self.chest_covered)[:, None]
+        colour = self.hair.painted(colour, foot)
         on_eye = ((ready.hm08.hm08_of_body < 0)[corners] * hit.barycentric).sum(axis=1).astype(np.float64)
-        return paint_face(colour, foot, on_eye, ready.hm08.eyes, self.lines, self.hair, self.own_iris).clip(
-            0, 1
-        )
+        eyes, lines = ready.hm08.eyes, self.lines
+        return paint_face(colour, foot, on_eye, eyes, lines, self.hair_colour, self.own_iris).clip(0, 1)
 
     def own_iris(self, off: Float64[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N 3"]:
         """Iris, pupil and white of the left eye seen from the front, in radii from its middle."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from avatargen.wardrobe.makehuman.choose import THIN, Item, outfit_of
+from avatargen.wardrobe.makehuman.choose import Item, outfit_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ def choices_for(items: Mapping[str, Item], sex: str) -> Choices:
     over = {outfit_of(item) for item in items.values() if item.kind in ("outer", "overall")}
     uppers = [(item.name,) for item in of("top") if outfit_of(item) not in over]
     uppers += [(*beside(item, "top"), item.name) for item in (*of("outer"), *of("overall"))]
-    styles = [item for item in items.values() if item.kind == "hair" and item.name not in THIN]
+    styles = [item for item in items.values() if item.kind == "hair"]
     fitting = [item for item in styles if wanted in item.tags or not {"Male", "Female"} & set(item.tags)]
     return Choices(
         uppers=tuple(uppers),

@@ -138,7 +138,7 @@ def paint_of(wardrobe: Wardrobe, iris: str | None = None) -> SkinPaint:
         skin=np.full((1, 1, 3), 255, np.uint8),
         iris=read_texture(wardrobe.irises[iris or next(iter(wardrobe.irises))]),
         lines=NOTHING_DRAWN,
-        hair=(0.0, 0.0, 0.0),
+        hair_colour=(0.0, 0.0, 0.0),
         chest_covered=False,
     )
 

@@ -18,8 +18,14 @@ from avatargen.wardrobe.attributes import LATENT_SIZE, People, coordinate
 from avatargen.wardrobe.colour_names import colour_name
 from avatargen.wardrobe.dyes import BOTTOMS, COATS, SHOES, SUITS, TOPS, Dyes
 from avatargen.wardrobe.face_paint import FaceLines
+from avatargen.wardrobe.makehuman.hairs import (
+    HairWorn,
+    beard_style,
+    hair_style,
+    hair_worn,
+    natural_hair,
+)
 from avatargen.wardrobe.makehuman.words import eye_word, garment_word, hair_color_word, hair_word
-from avatargen.wardrobe.skin import HAIR_TONES
 
 NEW = (
     "skin_photo",
@@ -42,10 +48,14 @@ NEW = (
     "print_b",
     "spare",
     "spare_too",
+    "hair_part",
+    "hair_length",
+    "hairline",
+    "beard",
 )
+DRAWN_AT_ONCE = 20  # the first of them; those after are drawn one by one, so that none changes when more come
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
-THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the back
 HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
@@ -95,6 +105,8 @@ class Attributes:
     face: FaceLines
     hair: str | None
     hair_colour: tuple[float, float, float]
+    hair_worn: HairWorn
+    beard: str  # one of BEARDS
     garments: tuple[str, ...]  # from the skin outward
     colours: tuple[tuple[float, float, float] | None, ...]  # of each garment; None: as the artist has it
     kinds: tuple[str, ...]  # of each garment: top, bottom, ...
@@ -118,6 +130,7 @@ class Attributes:
         }
         if self.hair:
             found["hair_color"] = hair_color_word(self.hair_colour)
+        found["beard"] = self.beard
         for kind in WORN:
             place = self.kinds.index(kind) if kind in self.kinds else None
             found[kind] = "none" if place is None else garment_word(self.garments[place], kind)
@@ -135,7 +148,9 @@ def draw_latent(seed: int) -> Float[Tensor, "1 Z"]:
     """The latent of a seed: the procedural wardrobe's 80 numbers, then the new ones."""
     draw = torch.Generator().manual_seed(seed)
     old = torch.randn(1, LATENT_SIZE, generator=draw)
-    return torch.cat([old, torch.randn(1, len(NEW), generator=draw)], dim=1)
+    new = [torch.randn(1, DRAWN_AT_ONCE, generator=draw)]
+    new += [torch.randn(1, 1, generator=draw) for _ in NEW[DRAWN_AT_ONCE:]]
+    return torch.cat([old, *new], dim=1)
 
 
 class Draw:
@@ -160,18 +175,6 @@ class Draw:
         first = coordinate(name)
         lighter, clearer = self.people.z[0, first + 1 : first + 3].tolist()
         return among.dye(self.share(name), lighter, clearer)
-
-
-def natural_hair(share: float, dark: float, age: float, grey: float) -> tuple[float, float, float]:
-    """Hair colours that go with a skin (dark 0..1), greyer with age."""
-    place = share * (1 - 0.93 * dark) * (len(HAIR_TONES) - 1.001)
-    if 3.2 < place < 4.4 and dark > 0.25:
-        place = 1.5
-    low = int(place)
-    tone = HAIR_TONES[low] + (HAIR_TONES[low + 1] - HAIR_TONES[low]) * (place - low)
-    white = max(0.0, min(1.0, (age - 0.72) / 0.28)) * grey
-    r, g, b = (tone + (0.66 - tone) * white).tolist()
-    return (r, g, b)
 
 
 def skin_names(names: list[str], age: str, tone: str, sex: str) -> list[str]:
@@ -201,7 +204,8 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
     options = [name for name in (DARK_IRISES if dark > 0.2 else NATURAL_IRISES) if name in irises] or irises
     worn, colours, prints = outfit(draw, garments, woman)
     shades = [garments[n].own_color if c is None else c for n, c in zip(worn, colours, strict=True)]
-    hair = hair_style(draw, garments, woman, dark)
+    styles = {g.name: g.tags for g in garments.values() if g.kind == "hair"}
+    hair = hair_style(draw.share("hair_style"), styles, woman, dark)
     return Attributes(
         sex="woman" if woman else "man",
         age=age,
@@ -213,6 +217,8 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
         face=face_lines(draw, woman),
         hair=hair,
         hair_colour=natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear")),
+        hair_worn=hair_worn(draw.share, woman, years),
+        beard=beard_style(draw.share("beard"), woman),
         garments=tuple(worn),
         colours=tuple(colours),
         kinds=tuple(garments[name].kind for name in worn),
@@ -242,16 +248,6 @@ def figure_word(weight: float, muscle: float) -> str:
     if muscle > 0.8:
         return "muscular"
     return "slim" if weight < 0.2 else "average"
-
-
-def hair_style(draw: Draw, garments: Mapping[str, Item], woman: bool, dark: float) -> str | None:
-    """A style for the sex; afro hair on dark skins."""
-    if not woman and draw.share("hair_style") > 0.93:
-        return None
-    styles = [g for g in garments.values() if g.kind == "hair" and g.name not in THIN]
-    fitting = [g for g in styles if ("Female" in g.tags) == woman or not {"Male", "Female"} & set(g.tags)]
-    fitting = [g for g in fitting if "Afro" not in g.tags or dark > 0.7]
-    return str(draw.one_of("hair_style", tuple(sorted(g.name for g in fitting)))) if fitting else None
 
 
 def outfit(

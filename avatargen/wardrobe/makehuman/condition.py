@@ -31,6 +31,7 @@ SAYING = {
     "figure": ("weight", "muscle"),
     "stature": ("height",),
     "skin": ("skin_light",),
+    "beard": ("beard",),
     "hat": ("spare", "spare_too"),
 }
 WORN = ("hair", "hat", "top", "overall", "outer", "bottom", "shoes")  # traits that are kinds of items

@@ -13,6 +13,7 @@ from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.wardrobe.bare import UNDERWEAR, underwear
 from avatargen.wardrobe.face_paint import IRIS_EDGE, FaceLines, paint_face
+from avatargen.wardrobe.hair_paint import HairPaint
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.texture import texels
 
@@ -32,8 +33,12 @@ class SkinPaint:
     skin: UInt8[np.ndarray, "H W C"]
     iris: UInt8[np.ndarray, "h w c"]
     lines: FaceLines
-    hair: tuple[float, float, float]
+    hair_colour: tuple[float, float, float]
     chest_covered: bool  # underwear is always on: briefs, and this adds a top
+    hair: HairPaint | None = None  # on scalp and chin
+
+    def relief(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        return np.zeros(len(points)) if self.hair is None else self.hair.relief(points)
 
     @cached_property
     def corners(self) -> Float64[np.ndarray, "F 3 2"]:
@@ -59,10 +64,11 @@ class SkinPaint:
             np.float64
         )
         colour += (UNDERWEAR - colour) * underwear(self.body, foot, self.chest_covered)[:, None]
+        if self.hair is not None:
+            colour = self.hair.painted(colour, foot)
         on_eye = (self.on_eye[self.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
-        return paint_face(colour, foot, on_eye, self.hm08.eyes, self.lines, self.hair, self.own_iris).clip(
-            0, 1
-        )
+        eyes, lines = self.hm08.eyes, self.lines
+        return paint_face(colour, foot, on_eye, eyes, lines, self.hair_colour, self.own_iris).clip(0, 1)
 
     def own_iris(self, off: Float64[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N 3"]:
         """Iris, pupil and white of the left eye seen from the front, in radii from its middle."""

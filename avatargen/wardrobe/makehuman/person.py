@@ -11,18 +11,20 @@ from jaxtyping import Bool, Float, Float32, Float64
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
-from avatargen.wardrobe.appearance import Dye, HairDye
+from avatargen.wardrobe.appearance import Dye
 from avatargen.wardrobe.colour_names import lab
 from avatargen.wardrobe.dressed import EDGE_ZONE, Cloth, DressedField, Opening
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
 from avatargen.wardrobe.makehuman.face import SkinPaint
+from avatargen.wardrobe.makehuman.grooming import hairdo_of, paint_of
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_folder, read_texture
 from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, trim_texels, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
-from avatargen.wardrobe.makehuman.strands import BRIDGE, Strands
+from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
 from avatargen.wardrobe.stature import Sizing
+from avatargen.wardrobe.worn_hair import WornHair
 
 ALONG = 0.6  # cosine between skin and cloth from which cloth runs along the skin
 POKE = 0.015  # m that skin may stick out of cloth that runs along it, to be counted as hidden
@@ -134,38 +136,6 @@ class WornCloth:
         return Cloth(distance=found.distance, rim=found.rim, color=colour)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WornHair:
-    """An artist's hair as one person has it."""
-
-    strands: Strands
-    appearance: HairDye
-
-    @property
-    def kind(self) -> str:
-        return "hair"
-
-    @property
-    def hidden(self) -> Bool[np.ndarray, " V"]:
-        return np.zeros(0, dtype=bool)
-
-    @property
-    def opening(self) -> None:
-        return None
-
-    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
-        return (to_box(points, self.strands.samples[0]) - BRIDGE).clip(0)
-
-    def cloth(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
-        distance = self.strands.distance(points)
-        colour = np.full((len(points), 3), 0.5, np.float32)
-        near = np.flatnonzero(distance < COLOURED) if coloured else np.zeros(0, np.int64)
-        if len(near):
-            shade = np.repeat(self.strands.shade(points[near])[:, None], 4, axis=1)
-            colour[near] = self.appearance.color(shade, np.zeros((len(near), 2)))
-        return Cloth(distance=distance, rim=np.ones(len(points), np.float32), color=colour)
-
-
 def to_box(points: Float32[np.ndarray, "N 3"], cloud: np.ndarray) -> Float32[np.ndarray, " N"]:
     """Metres to the box around a cloud of points."""
     low, high = cloud.min(axis=0), cloud.max(axis=0)
@@ -221,16 +191,18 @@ class Wardrobe:
                 skin=self.skin(found),
                 iris=read_texture(self.irises[found.eyes]),
                 lines=found.face,
-                hair=found.hair_colour,
+                hair_colour=found.hair_colour,
                 chest_covered=found.sex == "woman",
+                hair=paint_of(found),
             ),
             garments=tuple(
                 self.wear(name, colour, kind, found)
                 for name, colour, kind in zip(found.garments, found.colours, found.prints, strict=True)
             ),
             hair=WornHair(
-                strands=Strands(garment=hair, body=self.body.distance),
-                appearance=HairDye(dye=found.hair_colour),
+                volume=Strands(garment=hair, body=self.body.distance),
+                hairdo=hairdo_of(found),
+                body=self.body,
             )
             if hair
             else None,
