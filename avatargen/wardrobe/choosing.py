@@ -40,9 +40,9 @@ SHOWN: dict[str, tuple[str, ...]] = {  # by the people that are drawn by default
     "hair_color": ("black", "brown", "blond", "grey"),
     "top": ("t-shirt", "shirt"),
     "top_color": VALUES["top_color"],
-    "bottom": ("trousers", "jeans", "shorts", "skirt"),
+    "bottom": ("trousers", "jeans", "shorts", "skirt", "dress"),
     "bottom_color": VALUES["bottom_color"],
-    "outer": ("none", "jacket"),
+    "outer": ("none", "jacket", "coat"),
     "outer_color": VALUES["outer_color"],
     "shoes": ("sneakers", "boots", "leather"),
 }

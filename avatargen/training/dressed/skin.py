@@ -150,8 +150,8 @@ def paint_of(wardrobe: Wardrobe, iris: str | None = None, brows: str = "", lashe
         body=wardrobe.body,
         skin=np.full((1, 1, 3), 255, np.uint8),
         iris=read_texture(wardrobe.irises[iris or next(iter(wardrobe.irises))]),
-        brows=wardrobe.garments.get(brows),
-        lashes=wardrobe.garments.get(lashes),
+        brows=wardrobe.loaded.get(brows),
+        lashes=wardrobe.loaded.get(lashes),
         chest_covered=False,
         brow_colour=np.ones(3),
     )
