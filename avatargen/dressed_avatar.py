@@ -34,7 +34,7 @@ from avatargen.shipped import shipped
 from avatargen.wardrobe.appearance import Dye
 from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.dressed import DressedField
-from avatargen.wardrobe.makehuman.choose import Attributes, Draw, Item, choose, draw_latent
+from avatargen.wardrobe.makehuman.choose import DRESS, Attributes, Draw, Item, choose, draw_latent
 from avatargen.wardrobe.makehuman.condition import condition
 from avatargen.wardrobe.makehuman.grooming import hairdo_of
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
@@ -117,6 +117,9 @@ class DressedSampler:
         for each in self.config.garments:
             if each.kind == "hair":
                 words["hair"].add(hair_word(each.name))
+            elif each.kind == DRESS:
+                words["top"].add(DRESS)
+                words["bottom"].add(DRESS)
             elif each.kind in words:
                 words[each.kind].add(garment_word(each.name, each.kind))
         words["hair"].add(hair_word(None))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from avatargen.wardrobe.makehuman.choose import Item, outfit_of
+from avatargen.wardrobe.makehuman.outfit import Item, outfit_of
 
 
 @dataclass(frozen=True, kw_only=True)

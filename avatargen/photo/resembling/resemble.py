@@ -126,7 +126,7 @@ class Mirror:
     def colors(self, outfit: Outfit) -> dict[str, Float64[np.ndarray, "3"] | None]:
         """The middle colours of the pieces that are seen."""
         labels = self.labels(outfit.pieces)
-        found: dict[str, Float64[np.ndarray, "3"] | None] = {}
+        found: dict[str, Float64[np.ndarray, 3] | None] = {}
         for number, name in enumerate(outfit.pieces):
             at = (labels == number) & self.view.mask
             found[name] = np.median(self.view.color[at], axis=0) if at.sum() >= 4 else None
@@ -173,7 +173,7 @@ def miss(mirrors: Sequence[Mirror], outfit: Outfit) -> float:
 def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> dict[str, Float64[np.ndarray, "3"] | None]:
     """The pieces' middle colours, over the pictures that show them."""
     each = [mirror.colors(outfit) for mirror in mirrors]
-    found: dict[str, Float64[np.ndarray, "3"] | None] = {}
+    found: dict[str, Float64[np.ndarray, 3] | None] = {}
     for name in outfit.pieces:
         seen = [color for colors in each if (color := colors[name]) is not None]
         found[name] = np.median(seen, axis=0) if seen else None

@@ -72,7 +72,7 @@ def train(
     for name in wanted:
         path = garment_file(out, name)
         if not path.is_file():
-            save_garment(learn_garment(wardrobe, layers[name], config.learning, show), path)
+            save_garment(learn_garment(wardrobe, wardrobe.fitted(name), config.learning, show), path)
     if not (out / SKIN_FILE).is_file():
         save_skins(learn_skins(wardrobe, config.skin, show), wardrobe.body, out / SKIN_FILE)
     if not all(garment_file(out, name).is_file() for name in layers):

@@ -7,7 +7,7 @@ comes after them, from the same generator, so the old ones stay what they are.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import erf
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -25,6 +25,7 @@ from avatargen.wardrobe.makehuman.hairs import (
     hair_worn,
     natural_hair,
 )
+from avatargen.wardrobe.makehuman.outfit import Item, worn_by
 from avatargen.wardrobe.makehuman.words import eye_word, garment_word, hair_color_word, hair_word
 
 NEW = (
@@ -52,15 +53,22 @@ NEW = (
     "hair_length",
     "hairline",
     "beard",
+    "outfit",
+    "borrows",
+    "coat",
+    "coat_item",
+    "socks",
 )
 DRAWN_AT_ONCE = 20  # the first of them; those after are drawn one by one, so that none changes when more come
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
-HATS = 0.08  # share of people who wear one
 DARK_IRISES = ("brown", "brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
+DRESS = "dress"
+SOCKS = ((0.88, 0.88, 0.88), (0.07, 0.07, 0.08), (0.45, 0.45, 0.47))  # white, black, grey
 DYED = {  # kind: coordinates of its colour, the dyes, what decides whether it keeps its own, and how many do
     "top": ("top", TOPS, "top_plain", 0.2),
+    "dress": ("top", TOPS, "top_plain", 0.2),
     "outer": ("outer", COATS, "top_plain", 0.2),
     "bottom": ("bottom", BOTTOMS, "bottom_plain", 0.4),
     "overall": ("bottom", BOTTOMS, "bottom_plain", 0.4),
@@ -72,23 +80,6 @@ WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a perso
 
 
 T = TypeVar("T")
-
-
-@runtime_checkable
-class Item(Protocol):
-    """What can be chosen: a garment or hair. `own_color` is its artist's, on the whole, sRGB."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def kind(self) -> str: ...
-
-    @property
-    def tags(self) -> tuple[str, ...]: ...
-
-    @property
-    def own_color(self) -> tuple[float, float, float]: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +127,10 @@ class Attributes:
             found[kind] = "none" if place is None else garment_word(self.garments[place], kind)
             if place is not None:
                 found[f"{kind}_color"] = colour_name(np.array(self.shades[place]))
-        covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall")]
+        if DRESS in self.kinds:  # it is both
+            found["top"] = found["bottom"] = DRESS
+            found["top_color"] = colour_name(np.array(self.shades[self.kinds.index(DRESS)]))
+        covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall", DRESS)]
         found["pattern"] = self.prints[covering[-1]] if covering else "plain"
         if found["pattern"] != "plain":
             found["pattern_color"] = colour_name(np.array(self.print_colour))
@@ -254,42 +248,14 @@ def outfit(
     draw: Draw, garments: Mapping[str, Item], woman: bool
 ) -> tuple[list[str], list[tuple[float, float, float] | None], list[str]]:
     """What is worn from the skin outward, its colours and prints."""
-    wanted = "Female" if woman else "Male"
-
-    def of(kind: str) -> tuple[Item, ...]:
-        all_of = [g for g in garments.values() if g.kind == kind]
-        suited = {wanted, "Casual"} if woman else {wanted}  # women wear men's casual clothes, too
-        sexed = [g for g in all_of if suited & set(g.tags) or not {"Male", "Female"} & set(g.tags)]
-        return tuple(sorted(sexed or all_of, key=lambda g: g.name))
-
-    worn: list[Item] = []
-    shoes = draw.one_of("shoes_item", of("shoes")) if of("shoes") else None
-    if shoes is not None:
-        worn += [g for g in garments.values() if g.kind == "socks" and outfit_of(g) == outfit_of(shoes)]
-        worn.append(shoes)
-    over = {outfit_of(g) for g in garments.values() if g.kind in ("outer", "overall")}
-    whole = tuple(g for g in of("top") if outfit_of(g) not in over)  # others are cut where the outer lies
-    uppers = whole + of("outer") + (of("overall") if not woman else ())
-    upper = draw.one_of("top_item", uppers) if uppers else None
-    if (upper is None or upper.kind != "overall") and of("bottom"):
-        worn.append(draw.one_of("bottom_item", of("bottom")))
-    if upper is not None and upper.kind in ("outer", "overall"):
-        worn += [g for g in garments.values() if g.kind == "top" and outfit_of(g) == outfit_of(upper)]
-    if upper is not None:
-        worn.append(upper)
-    if of("hat") and draw.share("spare") < HATS:
-        worn.append(draw.one_of("spare_too", of("hat")))
+    worn = worn_by(draw, garments, woman)
     colours, prints = [], []
     for garment in worn:
-        colours.append(garment_colour(draw, garment))
+        socks = draw.one_of("socks", SOCKS) if garment.kind == "socks" else None
+        colours.append(socks or garment_colour(draw, garment))
         printed = garment.kind == "top" and "elegant" not in garment.name and colours[-1] is not None
         prints.append(print_kind(draw) if printed else "plain")
     return [g.name for g in worn], colours, prints
-
-
-def outfit_of(garment: Item) -> str:
-    """The name of the file that a garment comes from."""
-    return garment.name.split("-")[0]
 
 
 def garment_colour(draw: Draw, garment: Item) -> tuple[float, float, float] | None:

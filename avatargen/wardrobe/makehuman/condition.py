@@ -18,8 +18,9 @@ from avatargen.errors import InputError
 from avatargen.wardrobe.attributes import LATENT_SIZE, coordinate
 from avatargen.wardrobe.choosing import ANY, HEIGHT, Traits, shown
 from avatargen.wardrobe.makehuman.borrow import wearing, worn_by
-from avatargen.wardrobe.makehuman.choose import NEW, Attributes, Draw, Item
+from avatargen.wardrobe.makehuman.choose import NEW, Attributes, Draw
 from avatargen.wardrobe.makehuman.left import SOMETHING, left
+from avatargen.wardrobe.makehuman.outfit import Item
 from avatargen.wardrobe.makehuman.painted import DYED, PAINTED, painted
 from avatargen.wardrobe.stature import MEN, SPREAD, WOMEN
 

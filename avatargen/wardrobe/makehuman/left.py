@@ -6,7 +6,8 @@ What is not wished stays as its person has it, whatever the draw would choose fr
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from avatargen.wardrobe.makehuman.choose import Attributes, Item, outfit_of
+from avatargen.wardrobe.makehuman.choose import Attributes
+from avatargen.wardrobe.makehuman.outfit import Item, outfit_of
 from avatargen.wardrobe.makehuman.words import garment_word, hair_word
 
 UPPER = ("top", "outer", "overall")  # a draw chooses one of all these; an outer comes with its own top

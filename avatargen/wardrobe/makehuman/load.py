@@ -31,8 +31,8 @@ LEAST_SHARE = 0.18  # of the faces of the largest piece of its kind, to be a gar
 class FittedGarment:
     """One garment on the canonical body (X-pose, betas 0): an open or closed surface with its texture.
 
-    `kind` is top, bottom, outer, tie, overall, shoes, socks, hat or hair. uv runs from the top
-    left of the texture, one row a face corner.
+    `kind` is top, bottom, dress, outer, tie, overall, shoes, socks, hat or hair. uv runs from the top left of
+    the texture, one row a face corner.
     """
 
     name: str

@@ -1,5 +1,6 @@
 """People of the artist-made wardrobe: the truth that the generator of dressed people learns."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +25,8 @@ from avatargen.wardrobe.makehuman.solid import Solid
 from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
 from avatargen.wardrobe.stature import Sizing
+from avatargen.wardrobe.tailored.collection import PATTERNS, Pattern
+from avatargen.wardrobe.tailored.collection import made as sewn_garment
 from avatargen.wardrobe.worn_hair import WornHair
 
 ALONG = 0.6  # cosine between skin and cloth from which cloth runs along the skin
@@ -148,14 +151,15 @@ def unit_normals(vertices: np.ndarray, faces: np.ndarray) -> Float64[np.ndarray,
 
 
 class Wardrobe:
-    """A folder of MakeHuman's assets on a canonical body: people by seed."""
+    """A folder of MakeHuman's assets and tailored garments on a canonical body: people by seed."""
 
-    def __init__(self, folder: Path, body: CanonicalBody) -> None:
+    def __init__(self, folder: Path, body: CanonicalBody, patterns: Mapping[str, Pattern] = PATTERNS) -> None:
         self.folder, self.body, self.hm08 = folder, body, load_hm08()
         if len(body.vertices) != len(self.hm08.hm08_of_body):
             raise InputError("wardrobe: it fits the body that comes with the package; give no other body")
         self.sizing = Sizing(body.source)
-        self.garments: dict[str, FittedGarment] = {g.name: g for g in load_folder(folder)}
+        self.loaded = {garment.name: garment for garment in load_folder(folder)}
+        self.garments: dict[str, FittedGarment | Pattern] = {**self.loaded, **patterns}
         self.skins = {path.stem: path for path in sorted(folder.glob("skins/*/*_diffuse*.*"))}
         self.irises = {
             path.stem.removesuffix("_eye"): path for path in sorted(folder.glob("eyes/materials/*_eye.png"))
@@ -172,16 +176,16 @@ class Wardrobe:
 
     def bounds(self, found: Attributes) -> Float32[np.ndarray, "2 3"]:
         """A box around a person, m."""
-        clouds = [self.body.vertices, *[self.garments[name].vertices for name in found.garments]]
+        clouds = [self.body.vertices, *[self.fitted(name).vertices for name in found.garments]]
         if found.hair is not None:
-            clouds.append(self.garments[found.hair].vertices)
+            clouds.append(self.loaded[found.hair].vertices)
         low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0) - MARGIN
         high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0) + MARGIN
         return np.stack([low, high]).astype(np.float32)
 
     def dress(self, found: Attributes) -> DressedField:
         """The field of a person."""
-        hair = self.garments.get(found.hair or "")
+        hair = self.loaded.get(found.hair or "")
         return DressedField(
             body=self.body,
             distance=self.body.distance,
@@ -222,7 +226,11 @@ class Wardrobe:
 
     def made(self, name: str) -> ArtistGarment:
         """A garment as its artist made it."""
-        return ArtistGarment(solid=Solid(garment=self.garments[name]), body=self.body)
+        return ArtistGarment(solid=Solid(garment=self.fitted(name)), body=self.body)
+
+    def fitted(self, name: str) -> FittedGarment:
+        """A garment of the folder, or one that is sewn when it is first asked for."""
+        return self.loaded[name] if name in self.loaded else sewn_garment(name)
 
     def wear(
         self, name: str, colour: tuple[float, float, float] | None, kind: str, found: Attributes

@@ -1,4 +1,5 @@
-"""What MakeHuman's own garments and hair are, in plain words; what is not known is called by its kind."""
+"""What MakeHuman's own garments and hair, and the tailored ones, are in plain words; what is not known is
+called by its kind."""
 
 import numpy as np
 
@@ -28,6 +29,22 @@ GARMENTS = {
     "male_elegantsuit01-bottom": "trousers",
     "male_worksuit01-overall": "overall",
     "male_worksuit01-top": "t-shirt",
+    "tailored-tshirt": "t-shirt",
+    "tailored-tank": "tank top",
+    "tailored-blouse": "blouse",
+    "tailored-sweater": "sweater",
+    "tailored-hoodie": "hoodie",
+    "tailored-polo": "polo shirt",
+    "tailored-leggings": "leggings",
+    "tailored-jeans": "jeans",
+    "tailored-shorts": "shorts",
+    "tailored-chinos": "shorts",
+    "tailored-skirt": "skirt",
+    "tailored-pleated": "skirt",
+    "tailored-dress": "dress",
+    "tailored-dotted": "dress",
+    "tailored-maxi": "dress",
+    "tailored-coat": "coat",
     "shoes01-shoes": "leather",
     "shoes02-shoes": "boots",
     "shoes03-shoes": "leather",
