@@ -8,6 +8,7 @@ out of those that are as wished; colours are laid on.
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -21,6 +22,7 @@ from avatargen.wardrobe.makehuman.borrow import wearing, worn_by
 from avatargen.wardrobe.makehuman.choose import NEW, Attributes, Draw, Item
 from avatargen.wardrobe.makehuman.left import SOMETHING, left
 from avatargen.wardrobe.makehuman.painted import DYED, PAINTED, painted
+from avatargen.wardrobe.makehuman.words import garment_word, hair_word
 from avatargen.wardrobe.stature import MEN, SPREAD, WOMEN
 
 TRIES = 300
@@ -31,6 +33,7 @@ SAYING = {
     "figure": ("weight", "muscle"),
     "stature": ("height",),
     "skin": ("skin_light",),
+    "hair": ("hair_style",),
     "hat": ("spare", "spare_too"),
 }
 WORN = ("hair", "hat", "top", "overall", "outer", "bottom", "shoes")  # traits that are kinds of items
@@ -77,11 +80,12 @@ def condition(
     items = left(wardrobe.stock(), words, own, sex)
     random = torch.Generator().manual_seed(SEED)
     for name, coordinates in SAYING.items():
-        said = words.get(name) if name in WORN else wanted.get(name)
-        if said is not None:
-            z = drawn_until(
-                z, coordinates, name, str(said), lambda latent: wardrobe.choose(Draw(latent), items), random
-            )
+        value = words.get(name) if name in WORN else wanted.get(name)
+        if value is not None:
+            few = {
+                each.name: each for each in items.values() if each.kind == name
+            }  # what else is worn is as ever
+            z = drawn_until(z, coordinates, name, str(value), partial(chosen_of, wardrobe, few), random)
     person = wardrobe.choose(Draw(z), items)
     person = lent(person, z, words, own, wardrobe)
     person = painted(person, wanted, Draw(z), wardrobe.irises)
@@ -119,11 +123,32 @@ def drawn_until(
     """
     places = [coordinate(each) if each not in NEW else LATENT_SIZE + NEW.index(each) for each in coordinates]
     for _ in range(TRIES):
-        if is_as_wanted(choose(z).facts().get(name, "none"), wanted):
+        if is_as_wanted(said(choose(z), name), wanted):
             return z
         z = z.clone()
         z[0, places] = torch.randn(len(places), generator=random)
     raise InputError(f"{shown(name)} {wanted}: nobody of these weights is like that; leave it out")
+
+
+def said(person: Attributes, name: str) -> str:
+    """What somebody is, of the traits that are drawn again."""
+    if name == "hair":
+        return hair_word(person.hair)
+    if name == "hat":
+        place = person.kinds.index("hat") if "hat" in person.kinds else None
+        return "none" if place is None else garment_word(person.garments[place], "hat")
+    return {
+        "gender": person.sex,
+        "age": person.age,
+        "figure": person.figure,
+        "stature": person.stature,
+        "skin": person.tone,
+    }[name]
+
+
+def chosen_of(wardrobe: Wardrobe, items: Mapping[str, Item], z: Float[Tensor, "1 Z"]) -> Attributes:
+    """The person of a latent, out of these items."""
+    return wardrobe.choose(Draw(z), items)
 
 
 def is_as_wanted(found: str | float, wanted: str) -> bool:
