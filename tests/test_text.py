@@ -185,6 +185,7 @@ def test_a_person_is_changed_and_stays_otherwise(people):
         ("give him a hat", {"hat", "hat_color"}),
         ("taller", {"stature"}),
         ("barefoot", {"shoes", "shoes_color"}),
+        ("not so tall and in a skirt", {"bottom", "bottom_color", "stature"}),
     ):
         avatar = drawn(people, 8, text, change=True)
         found = dict(avatar.info.facts)

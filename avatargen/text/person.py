@@ -29,7 +29,8 @@ class Told:
     @property
     def understood(self) -> str:
         """The traits in words."""
-        return ", ".join(f"{shown(name)} {value}" for name, value in self.traits.given().items())
+        pairs = self.traits.given().items()
+        return ", ".join(f"{shown(name)} {v if isinstance(v, str) else f'{v:.2f} m'}" for name, v in pairs)
 
 
 @runtime_checkable
@@ -115,6 +116,9 @@ def told_of(found: Reader) -> list[str]:
 def settled(wishes: Wishes, own: Mapping[str, Value] | None) -> tuple[Traits, list[str]]:
     """The traits that go together, and lines for those that do not. Hair that is described is seen."""
     found, lines = dict(wishes.found), []
+    outer = "none" if own is None else str(own.get("outer", "none"))
+    if outer != "none" and "top" in found and not {"outer", "overall"} & set(found):
+        found["outer"] = Wish(name="outer", value=outer, words="", implied=True)  # a shirt under it
     has_hat = "hat" in found or "hat_color" in found
     if (
         own is None

@@ -204,8 +204,8 @@ class Wishes:
         """Without something."""
         if name in ("top", "bottom"):
             self.left_out.append(f"no {words}: nobody is made without")
-        elif "none" in self.offered.get(name, ()):
-            self.add(name, "none", f"no {words}")
+        elif instead := {"none", "average"} & set(self.offered.get(name, ())):
+            self.add(name, instead.pop(), f"no {words}")
         elif self.own is None or self.own.get(name) == value:
             self.left_out.append(f"no {words}: say what instead")
 
