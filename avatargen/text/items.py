@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from avatargen.text.vocabulary import LONGEST, Meaning, meaning_of, words_of
 from avatargen.wardrobe.choosing import CLOTH
@@ -15,6 +15,7 @@ GROWN, MIDDLE, OLD = 15, 36, 60  # years
 FOOT, INCH = 0.3048, 0.0254  # m
 YEARS = re.compile(
     rf"\b(?:aged?|age of)[ -]?(\d{{1,3}})\b|\b(\d{{1,3}}|{'|'.join(TENS)})[ -]?(?:years?|yrs?)?[ -]old\b"
+    rf"|\b({'|'.join(TENS)}) something\b|\b(?:of|about|around) (\d{{2}})\b(?! ?(?:cm|kg|m|ft|%))"
     r"|\b(\d{2}) ?(?:years|yrs?)\b|(?<=, )(\d{2})(?=\s*(?:,|$))"
     r"|\bin (?:his|her|their) (?:mid |late |early )?(\d0)s\b"
 )
@@ -26,6 +27,7 @@ FEET = re.compile(
     r"\b([4-7]) ?(?:ft|foot|feet|')\.?[ -]?"
     r"(?:(\d{1,2}) ?(?:in(?:ch(?:es)?)?\b|\"|''|(?=\s|,|$)))?(?: tall)?"
 )
+DESCRIBED = ("garment", "colour", "of", "part", "say", "person")  # kinds of items
 CHILDREN = "children are none of the people that are made"
 
 
@@ -42,13 +44,24 @@ class Item:
 
 def items_of(text: str, near: Callable[[str], Meaning | None]) -> list[Item]:
     """The items of a text, in order. `near` says what a word may mean that is in no table."""
-    said, text = numbers(text.lower().replace("’", "'"))
+    said, text = numbers(text.lower().replace("’", "'").replace("-something", " something"))
     words, found = words_of(text), []
     while words:
         item, count = longest(words)
         found.append(item or guessed(words[0], near))
         words = words[count:]
-    return found + said
+    return [*adjectives(found), *said]
+
+
+def adjectives(items: list[Item]) -> list[Item]:
+    """The items, but for guessed garments that stand before what they must be adjectives of: muddy boots."""
+    kinds = [each.kind for each in items[1:]] + ["mark"]
+    return [
+        replace(item, kind="unknown")
+        if item.guessed and item.kind == "garment" and kind in DESCRIBED
+        else item
+        for item, kind in zip(items, kinds, strict=True)
+    ]
 
 
 def longest(words: list[str]) -> tuple[Item | None, int]:

@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 
 from avatargen.avatar import Avatar, Sampler
 from avatargen.errors import InputError
-from avatargen.text.items import Item, items_of
+from avatargen.text.items import items_of
 from avatargen.text.near import near
 from avatargen.text.phrases import Reader, read
 from avatargen.text.wishes import ANY_COLOUR, Value, Wish, Wishes
@@ -29,7 +29,8 @@ class Told:
     @property
     def understood(self) -> str:
         """The traits in words."""
-        return ", ".join(f"{shown(name)} {value}" for name, value in self.traits.given().items())
+        pairs = self.traits.given().items()
+        return ", ".join(f"{shown(name)} {v if isinstance(v, str) else f'{v:.2f} m'}" for name, v in pairs)
 
 
 @runtime_checkable
@@ -92,9 +93,9 @@ def understand(
         raise InputError(f"text: found {len(items)} words, wanted at most {MOST_WORDS}; say it shorter")
     read_out = read(items)
     wishes = Wishes(offered=offered, own=own)
-    for mention in read_out.mentions:
+    for mention in sorted(read_out.mentions, key=lambda each: each.guessed):
         wishes.mention(mention)
-    left_out = (*told_of(read_out, items), *wishes.left_out)
+    left_out = (*told_of(read_out), *wishes.left_out)
     if not wishes.found:
         why = "; ".join(left_out) or "it names nothing that people have"
         raise InputError(
@@ -104,11 +105,9 @@ def understand(
     return Told(traits=found[0], left_out=(*left_out, *found[1]))
 
 
-def told_of(found: Reader, items: list[Item]) -> list[str]:
-    """Lines for what cannot be made, what was guessed and what was not understood."""
+def told_of(found: Reader) -> list[str]:
+    """Lines for what cannot be made and what was not understood."""
     lines = [f"{item.words}: {item.value}" for item in found.cannot]
-    garments = [item for item in items if item.guessed and item.kind == "garment"]
-    lines += [f"{item.words}: taken for {item.value.split(' ')[0].replace(':', ' ')}" for item in garments]
     if words := list(dict.fromkeys(item.words for item in found.unknown)):
         lines.append(f"not understood: {', '.join(words)}")
     return lines
@@ -117,6 +116,9 @@ def told_of(found: Reader, items: list[Item]) -> list[str]:
 def settled(wishes: Wishes, own: Mapping[str, Value] | None) -> tuple[Traits, list[str]]:
     """The traits that go together, and lines for those that do not. Hair that is described is seen."""
     found, lines = dict(wishes.found), []
+    outer = "none" if own is None else str(own.get("outer", "none"))
+    if outer != "none" and "top" in found and not {"outer", "overall"} & set(found):
+        found["outer"] = Wish(name="outer", value=outer, words="", implied=True)  # a shirt under it
     has_hat = "hat" in found or "hat_color" in found
     if (
         own is None

@@ -145,25 +145,33 @@ class Wishes:
             self.add("hair_color", {"dark": "black", "light": "blond"}[tone], f"{tone} hair")
 
     def garment(self, mention: Mention) -> None:
-        ways = ways_of(mention.value)
-        have = [way for way in ways if all(self.has(name, value) for name, value in way)]
-        if not have:
-            self.left_out.append(f"{mention.words}: there is none to wear")
-            return
-        way, words = have[0], mention.words
-        if mention.denied:
+        """Something worn, in the first way in which these people have it. A guess is one where nothing else
+        was said."""
+        ways, words = ways_of(mention.value), mention.words
+        way = next((way for way in ways if all(self.has(name, value) for name, value in way)), None)
+        if way is None:
+            self.left_out.append(f"{words}: there is none to wear")
+        elif mention.denied:
             self.deny(*way[0], words)
-            return
+        elif not mention.guessed:
+            self.worn(mention, way)
+        elif not any(name in self.found for name, _ in way):
+            self.left_out.append(f"{words}: taken for {' '.join(ways[0][0])}")
+            self.worn(mention, way)
+
+    def worn(self, mention: Mention, way: Sequence[tuple[str, str]]) -> None:
+        """Something worn, with its colours and its print."""
+        first = ways_of(mention.value)[0]
         for place, (name, value) in enumerate(way):
             if value == "something" and name == "shoes" and mention.said.get("made") == "leather":
                 value = "leather"
             if value != "something":
-                self.add(name, value, words, implied=place > 0)
+                self.add(name, value, mention.words, implied=place > 0 or mention.guessed)
             if place == 0 or name != "shoes":
                 self.colour(name, mention, implied=place > 0)
-        if way != ways[0]:
-            self.tell_instead(words, way)
-            if ways[0][0][1] == "dress":
+        if way != first:
+            self.tell_instead(mention.words, way)
+            if first[0][1] == "dress":
                 self.colour("top", mention, implied=True)
         if (pattern := mention.said.get("pattern")) is not None:
             self.print(way[0][0], pattern, mention)
@@ -196,8 +204,8 @@ class Wishes:
         """Without something."""
         if name in ("top", "bottom"):
             self.left_out.append(f"no {words}: nobody is made without")
-        elif "none" in self.offered.get(name, ()):
-            self.add(name, "none", f"no {words}")
+        elif instead := {"none", "average"} & set(self.offered.get(name, ())):
+            self.add(name, instead.pop(), f"no {words}")
         elif self.own is None or self.own.get(name) == value:
             self.left_out.append(f"no {words}: say what instead")
 

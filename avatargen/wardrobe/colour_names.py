@@ -46,9 +46,12 @@ def lab(rgb: Float[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
 
 
+LAB_OF_ANCHORS = lab(ANCHORS)
+
+
 def distances(rgb: Float[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N K"]:
     """How far each colour is from each name's nearest known colour, in L*a*b*."""
-    apart = np.linalg.norm(lab(rgb)[:, None] - lab(ANCHORS)[None], axis=2)
+    apart = np.linalg.norm(lab(rgb)[:, None] - LAB_OF_ANCHORS[None], axis=2)
     return np.stack([apart[:, i == NAME_OF_ANCHOR].min(axis=1) for i in range(len(NAMES))], axis=1)
 
 

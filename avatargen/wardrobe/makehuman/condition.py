@@ -8,6 +8,7 @@ out of those that are as wished; colours are laid on.
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -18,10 +19,11 @@ from avatargen.errors import InputError
 from avatargen.wardrobe.attributes import LATENT_SIZE, coordinate
 from avatargen.wardrobe.choosing import ANY, HEIGHT, Traits, shown
 from avatargen.wardrobe.makehuman.borrow import wearing, worn_by
-from avatargen.wardrobe.makehuman.choose import NEW, Attributes, Draw
-from avatargen.wardrobe.makehuman.left import SOMETHING, left
+from avatargen.wardrobe.makehuman.choose import DRESS, NEW, Attributes, Draw
+from avatargen.wardrobe.makehuman.left import SEXED, SOMETHING, left, word_of
 from avatargen.wardrobe.makehuman.outfit import Item
 from avatargen.wardrobe.makehuman.painted import DYED, PAINTED, painted
+from avatargen.wardrobe.makehuman.words import garment_word, hair_word
 from avatargen.wardrobe.stature import MEN, SPREAD, WOMEN
 
 TRIES = 300
@@ -33,7 +35,9 @@ SAYING = {
     "stature": ("height",),
     "skin": ("skin_light",),
     "beard": ("beard",),
+    "hair": ("hair_style",),
     "hat": ("spare", "spare_too"),
+    "outer": ("coat",),
 }
 WORN = ("hair", "hat", "top", "overall", "outer", "bottom", "shoes")  # traits that are kinds of items
 SEED = 17  # of what is drawn again
@@ -75,15 +79,17 @@ def condition(
             words = {name: SOMETHING} | words
     if "pattern" in wanted or "pattern_color" in wanted:
         words = {"top": SOMETHING} | words
-    sex = str(wanted.get("gender", own.sex))
+    sex = str(wanted.get("gender", sex_that_wears(words, wardrobe.stock(), own.sex)))
+    wanted = {"gender": sex} | wanted
     items = left(wardrobe.stock(), words, own, sex)
     random = torch.Generator().manual_seed(SEED)
     for name, coordinates in SAYING.items():
-        said = words.get(name) if name in WORN else wanted.get(name)
-        if said is not None:
-            z = drawn_until(
-                z, coordinates, name, str(said), lambda latent: wardrobe.choose(Draw(latent), items), random
-            )
+        value = words.get(name) if name in WORN else wanted.get(name)
+        if value is not None:
+            few = {
+                each.name: each for each in items.values() if each.kind == name
+            }  # what else is worn is as ever
+            z = drawn_until(z, coordinates, name, str(value), partial(chosen_of, wardrobe, few), random)
     person = wardrobe.choose(Draw(z), items)
     person = lent(person, z, words, own, wardrobe)
     person = painted(person, wanted, Draw(z), wardrobe.irises)
@@ -93,6 +99,22 @@ def condition(
         person, {name: value for name, value in wanted.items() if name not in (HEIGHT, *ANY)} | words
     )
     return z, person
+
+
+def sex_that_wears(words: Mapping[str, str], items: Mapping[str, Item], own: str) -> str:
+    """Women where something is wished that only they wear, and of which nothing is for both; else `own`."""
+    for kind, word in words.items():
+        sexes = [
+            SEXED & set(each.tags) for each in items.values() if is_of(each, kind) and word_of(each) == word
+        ]
+        if kind != "hair" and sexes and all(each == {"Female"} for each in sexes):
+            return "woman"
+    return own
+
+
+def is_of(item: Item, kind: str) -> bool:
+    """Whether a trait speaks of an item; a dress is both top and bottom."""
+    return item.kind == kind or (item.kind == DRESS and kind in ("top", "bottom"))
 
 
 def require_had(traits: Traits, wardrobe: Wardrobe) -> None:
@@ -121,11 +143,33 @@ def drawn_until(
     """
     places = [coordinate(each) if each not in NEW else LATENT_SIZE + NEW.index(each) for each in coordinates]
     for _ in range(TRIES):
-        if is_as_wanted(choose(z).facts().get(name, "none"), wanted):
+        if is_as_wanted(said(choose(z), name), wanted):
             return z
         z = z.clone()
         z[0, places] = torch.randn(len(places), generator=random)
     raise InputError(f"{shown(name)} {wanted}: nobody of these weights is like that; leave it out")
+
+
+def said(person: Attributes, name: str) -> str:
+    """What somebody is, of the traits that are drawn again."""
+    if name == "hair":
+        return hair_word(person.hair)
+    if name in ("hat", "outer"):
+        place = person.kinds.index(name) if name in person.kinds else None
+        return "none" if place is None else garment_word(person.garments[place], name)
+    return {
+        "gender": person.sex,
+        "age": person.age,
+        "figure": person.figure,
+        "stature": person.stature,
+        "skin": person.tone,
+        "beard": person.beard,
+    }[name]
+
+
+def chosen_of(wardrobe: Wardrobe, items: Mapping[str, Item], z: Float[Tensor, "1 Z"]) -> Attributes:
+    """The person of a latent, out of these items."""
+    return wardrobe.choose(Draw(z), items)
 
 
 def is_as_wanted(found: str | float, wanted: str) -> bool:

@@ -6,12 +6,13 @@ What is not wished stays as its person has it, whatever the draw would choose fr
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from avatargen.wardrobe.makehuman.choose import Attributes
-from avatargen.wardrobe.makehuman.outfit import Item, outfit_of
+from avatargen.wardrobe.makehuman.choose import DRESS, Attributes
+from avatargen.wardrobe.makehuman.outfit import CLOSE, TAILORED, Item, outfit_of
 from avatargen.wardrobe.makehuman.words import garment_word, hair_word
 
-UPPER = ("top", "outer", "overall")  # a draw chooses one of all these; an outer comes with its own top
+UPPER = ("top", "outer", "overall", "dress")  # one of all these, but that a coat goes over a top
 SLOTS = (UPPER, ("bottom",), ("shoes",), ("hat",), ("hair",))  # things of which one is chosen
+WITH_COAT = (("top",), ("outer",), *SLOTS[1:])
 OVER = ("outer", "overall")
 SEXED = {"Male", "Female"}  # tags
 SOMETHING = "something"  # is worn, whatever it is
@@ -42,8 +43,9 @@ def left(
         for n, each in items.items()
         if each.kind == "top" and outfit_of(each) in over
     }
-    kept = {name: each for name, each in items.items() if name in beneath or goes(each, wanted)}
-    for kinds in SLOTS:
+    coat = wants_coat(items, wanted, own)
+    kept = {name: each for name, each in items.items() if name in beneath or goes(each, wanted, coat=coat)}
+    for kinds in WITH_COAT if coat else SLOTS:
         options = [n for n, each in kept.items() if each.kind in kinds and n not in beneath]
         mine = [n for n in options if n in own.garments or n == own.hair]
         if mine and (sex == own.sex or kinds == ("shoes",)):
@@ -52,16 +54,37 @@ def left(
     return kept | worn_hair(kept, sex, wished="hair" in wanted or sex == own.sex)
 
 
-def goes(item: Item, wanted: Mapping[str, str]) -> bool:
+def wants_coat(items: Mapping[str, Item], wanted: Mapping[str, str], own: Attributes) -> bool:
+    """Whether a tailored coat is to be worn over a top: it is wished, or has what is wished."""
+    coats = {name: word_of(each) for name, each in items.items() if each.kind == "outer" and sewn(each)}
+    outer = wanted.get("outer")
+    return outer in coats.values() or (outer == SOMETHING and not coats.keys().isdisjoint(own.garments))
+
+
+def sewn(item: Item) -> bool:
+    return TAILORED in item.tags
+
+
+def goes(item: Item, wanted: Mapping[str, str], *, coat: bool) -> bool:
     """Whether an item is what is wished of its kind, and what is wished of others lets it be worn."""
     worn = {kind: word for kind, word in wanted.items() if word != "none"}
+    whole = DRESS in (wanted.get("top"), wanted.get("bottom"))
+    if item.kind == DRESS:
+        return whole or not (
+            {"bottom", "overall", "outer"} & set(worn) or worn.get("top", SOMETHING) != SOMETHING
+        )
+    if item.kind in (*UPPER, "bottom") and whole:
+        return False
     if item.kind == "socks":
         return wanted.get("shoes") != "none"
-    if item.kind == "top" and {"outer", "overall"} & set(worn):
+    if coat and item.kind in ("top", "bottom") and item.name not in CLOSE:
+        return False
+    if item.kind == "top" and {"outer", "overall"} & set(worn) and not coat:
         return False  # those come with their own
     if (
         item.kind == "outer"
         and "outer" not in worn
+        and not sewn(item)
         and (worn.get("top", SOMETHING) != SOMETHING or "overall" in worn)
     ):
         return False

@@ -109,9 +109,10 @@ def worn_by(draw: Shares, garments: Mapping[str, Item], woman: bool) -> list[Ite
 def clothes_of(draw: Shares, wearable: Wearable, woman: bool) -> list[Item]:
     """All but shoes and hats."""
     style = draw.share("outfit") if woman else 1.0
-    if style < DRESSES and (dresses := wearable.of("dress")):
+    uppers, dresses = wearable.uppers, wearable.of("dress")
+    if dresses and (style < DRESSES or not (uppers or wearable.of("bottom"))):
         return [draw.one_of("top_item", dresses)]
-    upper = draw.one_of("top_item", wearable.uppers) if wearable.uppers else None
+    upper = draw.one_of("top_item", uppers) if uppers else None
     clothes: list[Item] = []
     if upper is None or upper.kind != "overall":
         bottoms = wearable.of("bottom")

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from avatargen.wardrobe.colour_names import colour_name, lab
+from avatargen.wardrobe.colour_names import lab
 from avatargen.wardrobe.makehuman.borrow import Worn, wearing, worn_by
-from avatargen.wardrobe.makehuman.choose import Attributes, Draw
+from avatargen.wardrobe.makehuman.choose import DRESS, Attributes, Draw
 from avatargen.wardrobe.makehuman.words import eye_word, hair_color_word
 from avatargen.wardrobe.named_colours import Rgb, named_rgb
 
@@ -39,6 +39,8 @@ HAIR = {
 }
 DYED = ("top", "overall", "bottom", "outer", "shoes", "hat")  # kinds whose colour can be chosen
 PAINTED = ("eyes", "hair_color", "pattern", "pattern_color", *(f"{kind}_color" for kind in DYED))
+LIKE = 10.0  # L*a*b* from a word's shades, within which a garment keeps its own colour
+COVERING = ("top", "overall", DRESS)  # kinds, the outermost of which takes a print
 SEEN = 30.0  # L*a*b* between a print and its cloth, at least, where a print is wished
 LIGHT = 55.0  # L* of cloth from which its print is dark
 
@@ -66,7 +68,7 @@ def painted(
 def printed(worn: list[Worn], wanted: Mapping[str, object]) -> list[Worn]:
     """Garments with the print that is wanted on the upper body; a print's colour alone is of stripes, where
     there is no print."""
-    covering = [i for i, each in enumerate(worn) if each.kind in ("top", "overall")]
+    covering = [i for i, each in enumerate(worn) if each.kind in COVERING]
     if not covering or not {"pattern", "pattern_color"} & set(wanted):
         return worn
     last = worn[covering[-1]]
@@ -76,11 +78,17 @@ def printed(worn: list[Worn], wanted: Mapping[str, object]) -> list[Worn]:
 
 def dyed(worn: Worn, kind: str, name: str, draw: Draw) -> Worn:
     """A garment of the kind in the colour; any other as it is, and one that has its name already."""
-    if worn.kind != kind or colour_name(np.array(worn.shade)) == name:
+    if (worn.kind != kind and (worn.kind, kind) != (DRESS, "top")) or is_like(worn.shade, name):
         return worn
     rank = {"overall": "bottom", "shoes": "shoe", "hat": "second"}.get(kind, kind)
     colour = shade(name, CLOTH, draw.share(rank))
     return replace(worn, colour=colour, shade=colour)
+
+
+def is_like(colour: Rgb, name: str) -> bool:
+    """Whether a colour is near to a shade of the plain word."""
+    apart = lab(np.array(CLOTH.get(name, ()), dtype=float).reshape(-1, 3)) - lab(np.array([colour]))
+    return bool((np.linalg.norm(apart, axis=1) < LIKE).any())
 
 
 def shade(name: str, table: Mapping[str, tuple[Rgb, ...]], rank: float) -> Rgb:
@@ -98,7 +106,7 @@ def ink(person: Attributes, name: object, draw: Draw) -> Rgb:
     """The print's colour: as wished, or the person's own where it can be told from the cloth."""
     if name is not None:
         return shade(str(name), CLOTH, draw.share("second"))
-    covering = [i for i, kind in enumerate(person.kinds) if kind in ("top", "overall")]
+    covering = [i for i, kind in enumerate(person.kinds) if kind in COVERING]
     cloth = lab(np.array([person.shades[covering[-1]]]))[0]
     if np.linalg.norm(lab(np.array([person.print_colour]))[0] - cloth) >= SEEN:
         return person.print_colour
