@@ -34,7 +34,7 @@ def grown(kind: str, points: Float64[np.ndarray, "N 3"], ragged: np.ndarray | fl
     throat = THROAT + FOLLOWS * np.clip(0.11 - z, 0, None) - ragged
     jaw = smooth(cheek - y, -0.005, 0.007) * smooth(y - throat, -0.006, 0.007) * smooth(z, 0.050, 0.064)
     above = y - (LIPS_Y + 0.0125) + 0.10 * np.abs(x)
-    lip = smooth(0.0075 + ragged - np.abs(above), -0.002, 0.003) * smooth(0.031 - np.abs(x), 0, 0.005)
+    lip = smooth(0.0075 + ragged - np.abs(above), -0.002, 0.003) * smooth(0.031 - np.abs(x), 0.0, 0.005)
     lip = lip * smooth(z, 0.10, 0.115)
     if kind == "moustache":
         found = lip
