@@ -28,6 +28,7 @@ Rgb = tuple[float, float, float]
 BEGINS = 0.004  # m within the hairline, from where hair has a thickness; up to there it is drawn on the skin
 RISE = (0.45, 15.0)  # how hair rises from its line: flat at first, then ever steeper
 FULL = 0.022  # m within it, from where skin is covered
+LOWEST = 0.58  # m, under every hairline
 DEEP = 0.012  # m under the skin that hair is kept to where it may not be
 BESIDE = (0.068, 2.0)  # m from the middle of the face; beyond, loose hair hangs, this much more a metre
 FORWARD = (0.100, 0.110, 0.73, 0.80)  # m that it hangs forward beside the face, more between these heights
@@ -131,8 +132,10 @@ class WornHair:
     def cloth(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
         hairdo, cut = self.hairdo, self.hairdo.cut
         stored = hairdo.places(points)
-        pattern = cut.flow.pattern(stored)
         whole = self.volume.distance(stored).astype(np.float32)
+        shown = np.flatnonzero(whole < COLOURED if coloured else np.abs(whole) < ENDS)
+        pattern = np.zeros((len(points), 3))
+        pattern[shown] = cut.flow.pattern(stored[shown])
         distance = whole.copy()
         rim = np.empty(len(points), np.float32)
         skin = Skin(self.body.vertices, self.body.faces, hit.face, hit.barycentric, hit.distance)
@@ -211,7 +214,7 @@ def fit_hair(points, skin, line, pattern, rule, distance, rim):
             foot_x += weights[n, k] * vertices[corner, 0]
             foot_y += weights[n, k] * vertices[corner, 1]
             foot_z += weights[n, k] * vertices[corner, 2]
-        way = way_within(foot_x, foot_y, foot_z, line)
+        way = way_within(foot_x, foot_y, foot_z, line) if foot_y > LOWEST else -1.0
         grown = ramp(way, BEGINS, FULL)
         found = distance[n] - ridges * pattern[n, 1] * grown
         found = max(found, end + 0.5 * ENDS * pattern[n, 0] - points[n, 1])
