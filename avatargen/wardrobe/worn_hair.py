@@ -21,19 +21,20 @@ from avatargen.body.model import CanonicalBody
 from avatargen.compiled import compiled, inner
 from avatargen.wardrobe.dressed import Cloth
 from avatargen.wardrobe.hairline import AROUND, AXIS_Z, Hairline, way_within
-from avatargen.wardrobe.strand_pattern import Flow
+from avatargen.wardrobe.strand_pattern import CENTRE, Flow
 
 Rgb = tuple[float, float, float]
 
 BEGINS = 0.004  # m within the hairline, from where hair has a thickness; up to there it is drawn on the skin
 RISE = (0.45, 15.0)  # how hair rises from its line: flat at first, then ever steeper
 FULL = 0.022  # m within it, from where skin is covered
+LOWEST = 0.58  # m, under every hairline
 DEEP = 0.012  # m under the skin that hair is kept to where it may not be
 BESIDE = (0.068, 2.0)  # m from the middle of the face; beyond, loose hair hangs, this much more a metre
 FORWARD = (0.100, 0.110, 0.73, 0.80)  # m that it hangs forward beside the face, more between these heights
 OPEN = (0.70, 0.80, 0.03)  # m: between these heights the face's opening becomes this much wider
 BEHIND = (0.080, 2.5)  # m round the head, and the same: hair before the ears and behind them
-BULK = (0.040, 0.69, 0.62)  # m that hair stands off a head at most, above these heights
+DEEPER = 0.025  # m more than its half width that a bulk has upward, forward and back
 NECK = 0.61  # m: below this height loose hair hangs freely
 NAPE = 0.165  # m round the head, from where tied hair hangs
 ENDS = 0.014  # m that strands end higher or lower
@@ -54,6 +55,7 @@ class Cut:
     rise: float = 1.0
     least: float = 0.003
     ridges: float = 0.0008
+    bulk: float = 1.0  # m, half the width that it has at most
     ends: tuple[float, float] | None = None  # m, the lowest and the highest that it can be cut off
 
 
@@ -83,7 +85,7 @@ class Hairdo:
         light = light * (1 + 0.26 * strand + 0.12 * lock) * (0.72 + 0.28 * (above / 0.008).clip(0, 1))
         shine = gloss * (0.55 + 0.45 * strand).clip(0, 1)
         own = np.array(self.colour)
-        colour = own * light.clip(0.3, 1.8)[:, None] + (0.45 * own + 0.035) * (0.6 * shine)[:, None]
+        colour = own * light.clip(0.3, 1.8)[:, None] + (0.5 * own + 0.05) * (0.7 * shine)[:, None]
         return colour.clip(0, 1).astype(np.float32)
 
 
@@ -130,12 +132,14 @@ class WornHair:
     def cloth(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
         hairdo, cut = self.hairdo, self.hairdo.cut
         stored = hairdo.places(points)
-        pattern = cut.flow.pattern(stored)
         whole = self.volume.distance(stored).astype(np.float32)
+        shown = np.flatnonzero(whole < COLOURED if coloured else np.abs(whole) < ENDS)
+        pattern = np.zeros((len(points), 3))
+        pattern[shown] = cut.flow.pattern(stored[shown])
         distance = whole.copy()
         rim = np.empty(len(points), np.float32)
         skin = Skin(self.body.vertices, self.body.faces, hit.face, hit.barycentric, hit.distance)
-        rule = Rule(cut.kind, cut.rise, cut.least, cut.ridges, hairdo.end)
+        rule = Rule(cut.kind, cut.rise, cut.least, cut.ridges, cut.bulk, hairdo.end)
         fit_hair(points, skin, hairdo.line.corners, pattern, rule, distance, rim)
         colour = np.full((len(points), 3), 0.5, np.float32)
         near = np.flatnonzero(distance < COLOURED) if coloured else np.zeros(0, np.int64)
@@ -163,6 +167,7 @@ class Rule(NamedTuple):
     rise: float
     least: float
     ridges: float
+    bulk: float
     end: float
 
 
@@ -171,6 +176,14 @@ def ramp(x, low, high):
     """From 0 at low to 1 at high, smoothly."""
     t = min(max((x - low) / (high - low), 0.0), 1.0)
     return t * t * (3 - 2 * t)
+
+
+@inner
+def beyond_bulk(x, y, z, bulk):
+    """Metres, about, beyond an egg around the head, upright below its middle, of half a width `bulk`."""
+    more = bulk + DEEPER
+    up, fore = max(y - CENTRE[1], 0.0) / more, (z - CENTRE[2]) / more
+    return (np.sqrt((x / bulk) ** 2 + up * up + fore * fore) - 1) * bulk
 
 
 @inner
@@ -193,7 +206,7 @@ def fit_hair(points, skin, line, pattern, rule, distance, rim):
     `line` [K 2] is the hairline, `pattern` [N 3] of the strands.
     """
     vertices, faces, face, weights, above = skin
-    kind, rise, least, ridges, end = rule
+    kind, rise, least, ridges, bulk, end = rule
     for n in range(len(points)):
         foot_x, foot_y, foot_z = 0.0, 0.0, 0.0
         for k in range(3):
@@ -201,7 +214,7 @@ def fit_hair(points, skin, line, pattern, rule, distance, rim):
             foot_x += weights[n, k] * vertices[corner, 0]
             foot_y += weights[n, k] * vertices[corner, 1]
             foot_z += weights[n, k] * vertices[corner, 2]
-        way = way_within(foot_x, foot_y, foot_z, line)
+        way = way_within(foot_x, foot_y, foot_z, line) if foot_y > LOWEST else -1.0
         grown = ramp(way, BEGINS, FULL)
         found = distance[n] - ridges * pattern[n, 1] * grown
         found = max(found, end + 0.5 * ENDS * pattern[n, 0] - points[n, 1])
@@ -214,7 +227,6 @@ def fit_hair(points, skin, line, pattern, rule, distance, rim):
             found = max(found, 0.8 * (points[n, 2] - front))
         if kind != CROPPED:
             room += loose_room(kind, abs(points[n, 0]), foot_x, foot_y, foot_z)
-        if kind == HANGING:
-            room = min(room, BULK[0] + ramp(-foot_y, -BULK[1], -BULK[2]))
+        found = max(found, beyond_bulk(points[n, 0], points[n, 1], points[n, 2], bulk))
         distance[n] = max(found, above[n] - room)
         rim[n] = FREE + (GROWN - FREE) * ramp(way, -0.002, 0.004)

@@ -14,7 +14,7 @@ NO_FLOW = Flow(kind=CURLED)
 CROWN = Flow(x=0.008, back=-0.005, front=-0.005)
 CUTS = {
     "afro01": Cut(kind=CROPPED, flow=Flow(kind=CURLED), rise=2.2, least=0.006, ridges=0.0),
-    "bob01": Cut(kind=HANGING, flow=Flow(x=0.045, back=-0.01, front=0.13), ends=(0.595, 0.635)),
+    "bob01": Cut(kind=HANGING, flow=Flow(x=0.045, back=-0.01, front=0.13), bulk=0.108, ends=(0.595, 0.635)),
     "bob02": Cut(kind=HANGING, flow=Flow(x=0.035, back=-0.01, front=0.13), ends=(0.590, 0.635)),
     "braid01": Cut(kind=HANGING, flow=Flow(x=0.045, back=0.02, front=0.13)),
     "long01": Cut(kind=HANGING, flow=Flow(x=0.0, back=-0.03, front=0.13), ends=(0.10, 0.50)),
