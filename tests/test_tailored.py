@@ -55,7 +55,8 @@ def test_parting_loses_nothing_and_opens_nothing():
     whole, positive = split(sheet, sheet.at @ np.array([0.3, 0.5, 0.8]) - 0.1)
     assert areas(whole).sum() == pytest.approx(areas(sheet).sum(), rel=1e-9)
     assert boundary_loops(whole.faces) == [] and 0 < positive.sum() < len(positive)
-    four = parted(parted(sheet, sheet.at[:, 0]), sheet.at[:, 2])
+    two = parted(sheet, sheet.at[:, 0])
+    four = parted(two, two.at[:, 2])
     assert [len(pieces(four)), *np.unique(four.part)] == [4, 0, 1, 2, 3]
     assert len({round(float(areas(four.kept(four.part == k)).sum()), 1) for k in range(4)}) == 1
 

@@ -114,8 +114,8 @@ def knitted(cut: Top) -> Callable[[Colors, Texels], Colors]:
     """Ribs at cuffs and hem."""
 
     def more(color: Colors, found: Texels) -> Colors:
-        color = ribs(color, found.at, within(cut.ends(found.at), -1, 0.05), arm=True)
-        return ribs(color, found.at, within(found.at[:, 1] - cut.hem, -1, 0.045), arm=False)
+        color = ribs(color, found.at, within(cut.ends(found.at), -1.0, 0.05), arm=True)
+        return ribs(color, found.at, within(found.at[:, 1] - cut.hem, -1.0, 0.045), arm=False)
 
     return more
 

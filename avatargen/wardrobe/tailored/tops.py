@@ -13,6 +13,7 @@ from avatargen.wardrobe.tailored.form import Sheet, to_front, whole_form
 from avatargen.wardrobe.tailored.painting import Texels, cloth, line, shaded, within
 
 ROUGH, FINE = 26, 3  # rounds of draping
+OVER = 0.005  # m more below the waist, over what is worn there
 AROUND = 0.05  # m of the form beyond a pattern's curves that is draped with it
 
 Curve = Callable[[Places], Values]
@@ -59,10 +60,11 @@ class Top:
     def eased(self, at: Places) -> Values:
         """How far it stays off the skin."""
         waist = smooth(1 - np.abs(at[:, 1] - 0.17) / 0.16)
+        over = OVER * smooth((0.13 - at[:, 1]) / 0.08)
         if self.sleeve is None:
-            return self.ease + self.waist * waist
+            return self.ease + over + self.waist * waist
         arm = smooth((np.abs(at[:, 0]) - 0.17) / max(self.sleeve - 0.17, 0.02))
-        return self.ease + self.waist * waist * (1 - arm) + self.cuff * arm
+        return self.ease + over + self.waist * waist * (1 - arm) + self.cuff * arm
 
 
 def hole(at: Places) -> Values:
@@ -75,8 +77,10 @@ def top_sheet(top: Top, *, ends_below: bool = True) -> Sheet:
     sheet = sewn((top.neckline, lambda at: above(at, top.hem), top.ends), top.eased)
     sheet = panelled(sheet)
     crease = creases(sheet.at, (0.09, 0.05, 0.09), 3)
-    band = within(top.neckline(sheet.at), -1, top.rib, 0.003) + within(top.ends(sheet.at), -1, 0.018, 0.003)
-    hem = within(sheet.at[:, 1] - top.hem, -1, 0.02, 0.003) * ends_below
+    band = within(top.neckline(sheet.at), -1.0, top.rib, 0.003) + within(
+        top.ends(sheet.at), -1.0, 0.018, 0.003
+    )
+    hem = within(sheet.at[:, 1] - top.hem, -1.0, 0.02, 0.003) * ends_below
     return moved_out(sheet, 0.0012 * np.maximum(band, hem) + top.creased * crease * (1 - band.clip(0, 1)))
 
 
@@ -85,11 +89,11 @@ def top_paint(top: Top, found: Texels) -> Float64[np.ndarray, "N 3"]:
     at = found.at
     color = cloth(found, top.base)
     neck, ends, hem = top.neckline(at), top.ends(at), at[:, 1] - top.hem
-    color = shaded(color, within(neck, -1, top.rib), 0.93)
+    color = shaded(color, within(neck, -1.0, top.rib), 0.93)
     for value, place in ((neck, top.rib), (ends, 0.02), (hem, 0.022)):
         color = shaded(color, line(value - place, 0.003), 0.86)
     for value in (neck, ends):
-        color = shaded(color, within(value, -1, 0.003), 0.9)
+        color = shaded(color, within(value, -1.0, 0.003), 0.9)
     side = line(to_front(at), 0.0028) * (np.abs(at[:, 0]) > 0.09) * (hem > 0)
     color = shaded(color, side, 0.9)
     return shaded(color, line(armscye(at), 0.003) * (at[:, 1] > 0.385), 0.86)
