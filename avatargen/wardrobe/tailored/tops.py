@@ -69,7 +69,7 @@ class Top:
 
 def hole(at: Places) -> Values:
     """Inward of a sleeveless garment's arm hole."""
-    return armscye(at, top=0.13, under=0.166)
+    return armscye(at, top=0.112, under=0.166)
 
 
 def top_sheet(top: Top, *, ends_below: bool = True) -> Sheet:
