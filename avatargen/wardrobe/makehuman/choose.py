@@ -58,6 +58,7 @@ BROWS = {  # of MakeHuman's, those that frown least
 DARK_IRISES = ("brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
 DRESS = "dress"
+UNPRINTED = ("hoodie", "sweater")
 SOCKS = ((0.88, 0.88, 0.88), (0.07, 0.07, 0.08), (0.45, 0.45, 0.47))  # white, black, grey
 WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a person's description
 
@@ -230,7 +231,8 @@ def outfit(
     for garment in worn:
         socks = draw.one_of("socks", SOCKS) if garment.kind == "socks" else None
         colours.append(socks or garment_colour(draw, garment))
-        printed = garment.kind == "top" and "elegant" not in garment.name and colours[-1] is not None
+        plain = "elegant" in garment.name or garment_word(garment.name, garment.kind) in UNPRINTED
+        printed = garment.kind == "top" and not plain and colours[-1] is not None
         prints.append(print_kind(draw) if printed else "plain")
     return [g.name for g in worn], colours, prints
 

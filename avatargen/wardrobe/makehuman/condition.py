@@ -28,7 +28,7 @@ SAYING = (
     (("hat",), ("spare", "spare_too"), ()),
     (("top_color",), ("top", "top_plain", "print_kind"), ("top_item",)),
     (("outer_color",), ("outer", "top_plain"), ("top_item",)),
-    (("bottom_color",), ("bottom", "bottom_plain"), ("bottom_item", "top_item")),
+    (("bottom_color",), ("bottom", "bottom_plain"), ("bottom_item", "top_item", "outfit")),
 )
 SOMETHING = "something"  # is worn, whatever it is
 SEED = 17  # of what is drawn again

@@ -159,7 +159,7 @@ PATTERNS = {
         skirt_of("tailored-pleated", cuts.PLEATED, (0.2, 0.23, 0.35)),
         dress_of("tailored-dress", cuts.DRESS),
         dress_of("tailored-dotted", cuts.DOTTED, dotted),
-        dress_of("tailored-maxi", cuts.MAXI),
+        dress_of("tailored-midi", cuts.MIDI),
         coat_of("tailored-coat", WOMEN, cuts.COAT),
     )
 }

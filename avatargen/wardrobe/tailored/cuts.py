@@ -58,9 +58,9 @@ DOTTED = Dress(
     top=Top(neck=(0.08, 0.14, 0.07, 3.0), sleeve=None, hem=0.2, base=(0.6, 0.14, 0.17)),
     fall=Fall(top=0.2, hem=-0.4, ease=0.008, flare=0.42, flares=0.19, folds=14, deep=0.018),
 )
-MAXI = Dress(
+MIDI = Dress(
     top=Top(neck=(0.078, 0.17, 0.06, 1.2), sleeve=None, hem=0.22, base=(0.3, 0.42, 0.36)),
-    fall=Fall(top=0.22, hem=-0.86, ease=0.008, flare=0.14, flares=0.19, folds=12, deep=0.016),
+    fall=Fall(top=0.22, hem=-0.64, ease=0.008, flare=0.11, flares=0.19, folds=12, deep=0.012),
 )
 COAT = Coat(
     dress=Dress(
@@ -110,4 +110,4 @@ CHINOS = Bottom(
     waist=0.11, dip=0.012, hem=-0.42, ease=0.009, wide=0.016, creased=0.0012, fly=True, base=(0.6, 0.53, 0.42)
 )
 SKIRT = Fall(top=0.165, hem=-0.43, ease=0.006, flare=0.24, flares=0.04, folds=11, deep=0.012)
-PLEATED = Fall(top=0.165, hem=-0.27, ease=0.006, flare=0.26, flares=0.13, folds=26, deep=0.009, sharp=True)
+PLEATED = Fall(top=0.165, hem=-0.27, ease=0.006, flare=0.36, flares=0.0, folds=26, deep=0.009, sharp=True)
