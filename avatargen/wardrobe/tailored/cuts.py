@@ -60,7 +60,7 @@ DOTTED = Dress(
 )
 MIDI = Dress(
     top=Top(neck=(0.078, 0.17, 0.06, 1.2), sleeve=None, hem=0.22, base=(0.3, 0.42, 0.36)),
-    fall=Fall(top=0.22, hem=-0.64, ease=0.008, flare=0.11, flares=0.19, folds=12, deep=0.012),
+    fall=Fall(top=0.22, hem=-0.58, ease=0.008, flare=0.32, flares=0.14, folds=13, deep=0.016),
 )
 COAT = Coat(
     dress=Dress(

@@ -13,8 +13,9 @@ from avatargen.wardrobe.tailored.form import Sheet, to_front, whole_form
 from avatargen.wardrobe.tailored.painting import Texels, cloth, line, shaded, within
 
 ROUGH, FINE = 26, 3  # rounds of draping
+CLOSER = 0.4  # share of ease that edges have less
 OVER = 0.005  # m more below the waist, over what is worn there
-AROUND = 0.05  # m of the form beyond a pattern's curves that is draped with it
+AROUND = 0.03  # m of the form beyond a pattern's curves that is draped with it
 
 Curve = Callable[[Places], Values]
 
@@ -58,13 +59,14 @@ class Top:
         return hole(at) if self.sleeve is None else sleeve(at, self.sleeve)
 
     def eased(self, at: Places) -> Values:
-        """How far it stays off the skin."""
+        """How far it stays off the skin: less at the neck, and at arm holes."""
+        edge = self.neckline(at) if self.sleeve else np.minimum(self.neckline(at), hole(at))
+        close = 1 - CLOSER * smooth(1 - edge / 0.03)
         waist = smooth(1 - np.abs(at[:, 1] - 0.17) / 0.16)
         over = OVER * smooth((0.13 - at[:, 1]) / 0.08)
-        if self.sleeve is None:
-            return self.ease + over + self.waist * waist
-        arm = smooth((np.abs(at[:, 0]) - 0.17) / max(self.sleeve - 0.17, 0.02))
-        return self.ease + over + self.waist * waist * (1 - arm) + self.cuff * arm
+        end = self.sleeve or np.inf
+        arm = smooth((np.abs(at[:, 0]) - 0.17) / max(end - 0.17, 0.02))
+        return self.ease * close + over + self.waist * waist * (1 - arm) + self.cuff * arm
 
 
 def hole(at: Places) -> Values:
