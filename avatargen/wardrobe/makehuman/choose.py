@@ -65,6 +65,7 @@ NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "
 DARK_IRISES = ("brown", "brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
 DRESS = "dress"
+UNPRINTED = ("hoodie", "sweater")
 SOCKS = ((0.88, 0.88, 0.88), (0.07, 0.07, 0.08), (0.45, 0.45, 0.47))  # white, black, grey
 DYED = {  # kind: coordinates of its colour, the dyes, what decides whether it keeps its own, and how many do
     "top": ("top", TOPS, "top_plain", 0.2),
@@ -253,7 +254,8 @@ def outfit(
     for garment in worn:
         socks = draw.one_of("socks", SOCKS) if garment.kind == "socks" else None
         colours.append(socks or garment_colour(draw, garment))
-        printed = garment.kind == "top" and "elegant" not in garment.name and colours[-1] is not None
+        plain = "elegant" in garment.name or garment_word(garment.name, garment.kind) in UNPRINTED
+        printed = garment.kind == "top" and not plain and colours[-1] is not None
         prints.append(print_kind(draw) if printed else "plain")
     return [g.name for g in worn], colours, prints
 

@@ -27,6 +27,7 @@ CLOSE = (  # what a tailored coat goes over
     "tailored-tank",
     "tailored-tshirt",
 )
+SKIRTED = ("skirt", "dress")
 BARE = ("skirt", "shorts", "dress")  # words of what leaves the legs bare
 
 
@@ -137,6 +138,9 @@ def footwear(draw: Shares, wearable: Wearable, clothes: list[Item]) -> list[Item
     """Shoes with their socks; none on bare legs, but in sneakers."""
     if not wearable.of("shoes"):
         return []
-    shoes = draw.one_of("shoes_item", wearable.of("shoes"))
+    among = wearable.of("shoes")
+    if any(word(each) in SKIRTED for each in clothes):
+        among = tuple(each for each in among if word(each) != "boots") or among
+    shoes = draw.one_of("shoes_item", among)
     bare = any(word(each) in BARE for each in clothes) and word(shoes) != "sneakers"
     return [*([] if bare else wearable.with_it("socks", shoes)), shoes]

@@ -19,6 +19,8 @@ from scipy.sparse.csgraph import dijkstra
 from avatargen.mesh.closest import ClosestPoints
 from avatargen.wardrobe.makehuman.load import FittedGarment
 
+ARM_X = 0.1  # m from the middle, farther than which openings are those of arms
+UPRIGHT = 0.7  # of an edge's unit normal upward, under which it stands upright
 PROBED = 2e-4  # m before and behind faces
 PROBES = ((0.34, 0.33, 0.33), (0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8))  # weights of places on them
 WITHIN = 0.01  # least weight of a corner, for a point within a face
@@ -65,9 +67,13 @@ def boundary_loops(faces: Int64[np.ndarray, "F 3"]) -> list[Int64[np.ndarray, " 
 
 def lid(edge: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
     """Where each vertex of an opening's edge is joined to: level with it, on the upright line in the edge's
-    middle."""
+    middle. About an arm that line leans as the edge does, so that nothing stands out over the shoulder."""
     middle = (edge.min(axis=0) + edge.max(axis=0)) / 2
-    return np.stack([np.full(len(edge), middle[0]), edge[:, 1], np.full(len(edge), middle[2])], axis=1)
+    found = np.stack([np.full(len(edge), middle[0]), edge[:, 1], np.full(len(edge), middle[2])], axis=1)
+    normal = np.linalg.svd(edge - edge.mean(axis=0), full_matrices=False)[2][2]
+    if abs(middle[0]) > ARM_X and abs(normal[1]) < UPRIGHT:
+        found[:, 0] -= (edge[:, 1] - middle[1]) * normal[1] / normal[0] if abs(normal[0]) > UPRIGHT else 0.0
+    return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

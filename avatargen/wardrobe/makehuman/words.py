@@ -43,7 +43,7 @@ GARMENTS = {
     "tailored-pleated": "skirt",
     "tailored-dress": "dress",
     "tailored-dotted": "dress",
-    "tailored-maxi": "dress",
+    "tailored-midi": "dress",
     "tailored-coat": "coat",
     "shoes01-shoes": "leather",
     "shoes02-shoes": "boots",

@@ -42,8 +42,8 @@ def bottom_sheet(bottom: Bottom) -> Sheet:
     sheet = sewn((bottom.belt, lambda at: above(at, bottom.hem)), bottom.eased)
     sheet = parted(sheet, to_front(sheet.at))
     sheet = parted(sheet, sheet.at[:, 0])
-    band = within(bottom.belt(sheet.at), -1, bottom.band, 0.003)
-    cuff = within(sheet.at[:, 1] - bottom.hem, -1, 0.02, 0.003)
+    band = within(bottom.belt(sheet.at), -1.0, bottom.band, 0.003)
+    cuff = within(sheet.at[:, 1] - bottom.hem, -1.0, 0.02, 0.003)
     crease = creases(sheet.at, (0.1, 0.045, 0.1), 8) * (1 - band.clip(0, 1))
     return moved_out(sheet, 0.0014 * np.maximum(band, cuff) + bottom.creased * crease)
 
@@ -62,7 +62,7 @@ def bottom_paint(bottom: Bottom, found: Texels) -> Float64[np.ndarray, "N 3"]:
     color = shaded(color, line(hem - 0.022, 0.003), 0.84)
     if bottom.fly:
         color = pockets(color, bottom, at)
-    return shaded(color, within(belt, -1, 0.003), 0.9)
+    return shaded(color, within(belt, -1.0, 0.003), 0.9)
 
 
 def pockets(color: Float64[np.ndarray, "N 3"], bottom: Bottom, at: Places) -> Float64[np.ndarray, "N 3"]:
@@ -76,7 +76,7 @@ def pockets(color: Float64[np.ndarray, "N 3"], bottom: Bottom, at: Places) -> Fl
         color, line(curve, 0.003) * front * (at[:, 0] > -0.004) * (y > bottom.band) * (y < 0.16), 0.8
     )
     button = np.hypot(at[:, 0], y - 0.5 * bottom.band)
-    color = shaded(color, within(button, -1, 0.008, 0.002) * front, 0.6)
+    color = shaded(color, within(button, -1.0, 0.008, 0.002) * front, 0.6)
     across, down = np.abs(x - 0.085), bottom.waist - at[:, 1] - bottom.band - 0.035
     patch = np.maximum(across - 0.052, np.abs(down - 0.06) - 0.06 + 0.25 * across)
     return shaded(color, line(patch, 0.0035) * ~front * (down > -0.02), 0.78)

@@ -25,8 +25,8 @@ class Collar:
     stand: float  # upward
     fall: float = 0.0  # outward and down again
     gap: float = 0.0  # half of its opening in front
-    off: float = 0.006  # from what it falls on
-    thick: float = 0.005  # between stand and fall
+    off: float = 0.0085  # from what it falls on
+    thick: float = 0.006  # between stand and fall
     points: float = 0.0  # how much longer it falls beside its opening
 
 

@@ -114,8 +114,8 @@ def knitted(cut: Top) -> Callable[[Colors, Texels], Colors]:
     """Ribs at cuffs and hem."""
 
     def more(color: Colors, found: Texels) -> Colors:
-        color = ribs(color, found.at, within(cut.ends(found.at), -1, 0.05), arm=True)
-        return ribs(color, found.at, within(found.at[:, 1] - cut.hem, -1, 0.045), arm=False)
+        color = ribs(color, found.at, within(cut.ends(found.at), -1.0, 0.05), arm=True)
+        return ribs(color, found.at, within(found.at[:, 1] - cut.hem, -1.0, 0.045), arm=False)
 
     return more
 
@@ -159,7 +159,7 @@ PATTERNS = {
         skirt_of("tailored-pleated", cuts.PLEATED, (0.2, 0.23, 0.35)),
         dress_of("tailored-dress", cuts.DRESS),
         dress_of("tailored-dotted", cuts.DOTTED, dotted),
-        dress_of("tailored-maxi", cuts.MAXI),
+        dress_of("tailored-midi", cuts.MIDI),
         coat_of("tailored-coat", WOMEN, cuts.COAT),
     )
 }

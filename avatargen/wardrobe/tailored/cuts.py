@@ -8,7 +8,7 @@ from avatargen.wardrobe.tailored.hanging import Fall
 from avatargen.wardrobe.tailored.tops import Top
 
 TEE = Top(neck=(0.08, 0.1, 0.035, 2.0), sleeve=0.275, hem=0.03, base=(0.86, 0.85, 0.83))
-TANK = Top(neck=(0.092, 0.16, 0.09, 2.2), sleeve=None, hem=0.03, ease=0.0045, base=(0.82, 0.82, 0.82))
+TANK = Top(neck=(0.08, 0.16, 0.09, 2.2), sleeve=None, hem=0.03, ease=0.0045, base=(0.82, 0.82, 0.82))
 BLOUSE = Top(
     neck=(0.075, 0.16, 0.035, 1.25),
     sleeve=0.66,
@@ -55,12 +55,12 @@ DRESS = Dress(
     fall=Fall(top=0.2, hem=-0.46, ease=0.008, flare=0.2, flares=0.1, folds=11, deep=0.012),
 )
 DOTTED = Dress(
-    top=Top(neck=(0.095, 0.14, 0.07, 3.0), sleeve=None, hem=0.2, base=(0.6, 0.14, 0.17)),
+    top=Top(neck=(0.08, 0.14, 0.07, 3.0), sleeve=None, hem=0.2, base=(0.6, 0.14, 0.17)),
     fall=Fall(top=0.2, hem=-0.4, ease=0.008, flare=0.42, flares=0.19, folds=14, deep=0.018),
 )
-MAXI = Dress(
-    top=Top(neck=(0.09, 0.17, 0.06, 1.2), sleeve=None, hem=0.22, base=(0.3, 0.42, 0.36)),
-    fall=Fall(top=0.22, hem=-0.86, ease=0.008, flare=0.14, flares=0.19, folds=12, deep=0.016),
+MIDI = Dress(
+    top=Top(neck=(0.078, 0.17, 0.06, 1.2), sleeve=None, hem=0.22, base=(0.3, 0.42, 0.36)),
+    fall=Fall(top=0.22, hem=-0.58, ease=0.008, flare=0.32, flares=0.14, folds=13, deep=0.016),
 )
 COAT = Coat(
     dress=Dress(
@@ -77,8 +77,8 @@ COAT = Coat(
         fall=Fall(top=0.18, hem=-0.42, ease=0.026, flare=0.1, flares=0.1, folds=9, deep=0.006),
     ),
     collar=Collar(stand=0.02, fall=0.055, gap=0.03, points=0.02, thick=0.009, off=0.01),
-    open=0.02,
-    lapel=0.07,
+    open=0.042,
+    lapel=0.075,
 )
 
 
@@ -110,4 +110,4 @@ CHINOS = Bottom(
     waist=0.11, dip=0.012, hem=-0.42, ease=0.009, wide=0.016, creased=0.0012, fly=True, base=(0.6, 0.53, 0.42)
 )
 SKIRT = Fall(top=0.165, hem=-0.43, ease=0.006, flare=0.24, flares=0.04, folds=11, deep=0.012)
-PLEATED = Fall(top=0.165, hem=-0.27, ease=0.009, flare=0.26, flares=0.13, folds=26, deep=0.011, sharp=True)
+PLEATED = Fall(top=0.165, hem=-0.27, ease=0.006, flare=0.36, flares=0.0, folds=26, deep=0.009, sharp=True)

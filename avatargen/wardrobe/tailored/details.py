@@ -16,8 +16,8 @@ def buttons(color: Colors, at: Places, x: float, height: float, radius: float = 
     """One button in front, lighter in its middle."""
     off = np.hypot(at[:, 0] - x, at[:, 1] - height)
     front = to_front(at) > 0
-    color = shaded(color, within(off, -1, radius, 0.002) * front, 0.55)
-    return shaded(color, within(off, -1, 0.45 * radius, 0.002) * front, 1.35)
+    color = shaded(color, within(off, -1.0, radius, 0.002) * front, 0.55)
+    return shaded(color, within(off, -1.0, 0.45 * radius, 0.002) * front, 1.35)
 
 
 def placket(color: Colors, at: Places, low: float, count: int, top: float = 0.5) -> Colors:
@@ -52,7 +52,7 @@ def cords(color: Colors, at: Places, low: float, high: float) -> Colors:
     """Two light cords that hang in front of the chest."""
     x = np.abs(np.abs(at[:, 0]) - 0.035)
     on = (to_front(at) > 0) & (at[:, 1] > low) & (at[:, 1] < high)
-    return shaded(color, within(x, -1, 0.0035, 0.002) * on, 1.3)
+    return shaded(color, within(x, -1.0, 0.0035, 0.002) * on, 1.3)
 
 
 def dots(color: Colors, flat: Float64[np.ndarray, "N 2"], pitch: float, radius: float, ink: Colors) -> Colors:
@@ -60,4 +60,4 @@ def dots(color: Colors, flat: Float64[np.ndarray, "N 2"], pitch: float, radius: 
     row = np.round(flat[:, 1] / (0.8 * pitch))
     across = flat[:, 0] - 0.5 * pitch * (row % 2)
     off = np.hypot(across - pitch * np.round(across / pitch), flat[:, 1] - 0.8 * pitch * row)
-    return color + (ink - color) * within(off, -1, radius, 0.0025)[:, None]
+    return color + (ink - color) * within(off, -1.0, radius, 0.0025)[:, None]

@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.ndimage import gaussian_filter1d
+from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
 from avatargen.body.skinning import skin
 from avatargen.wardrobe.makehuman.fit import on_both_legs, smoother, straight_legs
 from avatargen.wardrobe.tailored.curves import smooth
-from avatargen.wardrobe.tailored.draping import draped
+from avatargen.wardrobe.tailored.draping import draped, normals_of, skin_under
 from avatargen.wardrobe.tailored.form import Sheet, default_body, whole_form
 
 COLUMNS = 156
@@ -28,6 +30,13 @@ SLAB = 0.014  # m above and below a ring in which the body counts
 PARTING, HANGS = -0.1, 0.1  # m: where the legs part, and below that until cloth hangs
 ROUNDS = 14  # of averaging weights
 CLEAR = 0.005  # m off the skin
+RETURNS = 6  # rounds of finding where cloth comes back from
+ALONG = 0.766  # cosine of 40 degrees: cloth that turns farther from the skin does not follow it
+REACH = 0.1  # m off the skin, farther than which it does not either
+JUMP, JUMP_LENGTH = (
+    0.25,
+    0.2,
+)  # share of weight that may change along an edge, and m of edge for the whole of it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +136,8 @@ def skirt(fall: Fall, first: Float64[np.ndarray, " C"] | None = None) -> Sheet:
 
 
 def carried(sheet: Sheet) -> Sheet:
-    """A sheet that hangs on straight legs, on the canonical body."""
+    """A sheet that hangs on straight legs, on the canonical body: where the weights that it is given there
+    bring it back from, so that its hem is level again on legs that stand."""
     body = default_body()
     weights = body.weights.astype(np.float64)[KDTree(whole_form().at).query(sheet.at)[1]]
     average = smoother(sheet.faces, len(weights))
@@ -135,8 +145,34 @@ def carried(sheet: Sheet) -> Sheet:
         weights = average @ weights
     hangs = smooth((PARTING - sheet.at[:, 1]) / HANGS)
     weights = on_both_legs(weights, sheet.at[:, 0], hangs)
+    for _ in range(RETURNS):
+        there = replace(sheet, vertices=np.asarray(skin(sheet.at, weights, straight_legs())))
+        weights = 0.5 * (weights + filled_weights(there))
     hung = replace(sheet, vertices=np.asarray(skin(sheet.at, weights, straight_legs())))
     return replace(draped(hung, np.full(len(sheet.at), CLEAR), 2, held=True), at=sheet.at)
+
+
+def filled_weights(sheet: Sheet) -> Float64[np.ndarray, "V J"]:
+    """Weights as an asset's vertices are given them (Abdrashitov et al. 2023): the closest skin's where cloth
+    runs along it and its neighbours agree, and a harmonic filling elsewhere."""
+    body, vertices = default_body(), sheet.vertices
+    hit = body.distance.query(vertices.astype(np.float32))
+    weights = np.einsum("vk,vkj->vj", hit.barycentric, body.weights.astype(np.float64)[body.faces[hit.face]])
+    along = (skin_under(vertices, body)[1] * normals_of(sheet)).sum(axis=1) > ALONG
+    known = along & (np.abs(hit.distance) < REACH)
+    ends = np.concatenate([sheet.faces[:, [0, 1]], sheet.faces[:, [1, 2]], sheet.faces[:, [2, 0]]])
+    length = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1)
+    jump = 0.5 * np.abs(weights[ends[:, 0]] - weights[ends[:, 1]]).sum(axis=1) > JUMP + length / JUMP_LENGTH
+    known[ends[jump].ravel()] = False
+    stiff = 1 / np.maximum(length, 1e-6)
+    graph = coo_array((stiff, (ends[:, 0], ends[:, 1])), shape=(len(vertices),) * 2).tocsr()
+    graph = graph + graph.T
+    rows = graph[np.flatnonzero(~known)]
+    if known.any() and not known.all():
+        laplacian = diags_array(rows.sum(axis=1)) - rows[:, np.flatnonzero(~known)]
+        filled = splu(csc_array(laplacian)).solve(rows[:, np.flatnonzero(known)] @ weights[known])
+        weights[~known] = filled
+    return weights / weights.sum(axis=1, keepdims=True)
 
 
 def around(places: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:

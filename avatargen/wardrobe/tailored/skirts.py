@@ -22,5 +22,5 @@ def skirt_paint(fall: Fall, base: tuple[float, float, float], found: Texels) -> 
     side = line(to_front(at), 0.003) * (np.abs(at[:, 0]) > 0.1) * (not fall.sharp)
     color = shaded(color, side, 0.9)
     color = shaded(color, line(down - BAND, 0.003), 0.8)
-    color = shaded(color, within(down, -1, 0.003), 0.9)
+    color = shaded(color, within(down, -1.0, 0.003), 0.9)
     return shaded(color, line(at[:, 1] - fall.hem - 0.025, 0.003), 0.88)

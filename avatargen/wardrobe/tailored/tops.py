@@ -13,7 +13,9 @@ from avatargen.wardrobe.tailored.form import Sheet, to_front, whole_form
 from avatargen.wardrobe.tailored.painting import Texels, cloth, line, shaded, within
 
 ROUGH, FINE = 26, 3  # rounds of draping
-AROUND = 0.05  # m of the form beyond a pattern's curves that is draped with it
+CLOSER = 0.4  # share of ease that edges have less
+OVER = 0.005  # m more below the waist, over what is worn there
+AROUND = 0.03  # m of the form beyond a pattern's curves that is draped with it
 
 Curve = Callable[[Places], Values]
 
@@ -57,17 +59,19 @@ class Top:
         return hole(at) if self.sleeve is None else sleeve(at, self.sleeve)
 
     def eased(self, at: Places) -> Values:
-        """How far it stays off the skin."""
+        """How far it stays off the skin: less at the neck, and at arm holes."""
+        edge = self.neckline(at) if self.sleeve else np.minimum(self.neckline(at), hole(at))
+        close = 1 - CLOSER * smooth(1 - edge / 0.03)
         waist = smooth(1 - np.abs(at[:, 1] - 0.17) / 0.16)
-        if self.sleeve is None:
-            return self.ease + self.waist * waist
-        arm = smooth((np.abs(at[:, 0]) - 0.17) / max(self.sleeve - 0.17, 0.02))
-        return self.ease + self.waist * waist * (1 - arm) + self.cuff * arm
+        over = OVER * smooth((0.13 - at[:, 1]) / 0.08)
+        end = self.sleeve or np.inf
+        arm = smooth((np.abs(at[:, 0]) - 0.17) / max(end - 0.17, 0.02))
+        return self.ease * close + over + self.waist * waist * (1 - arm) + self.cuff * arm
 
 
 def hole(at: Places) -> Values:
     """Inward of a sleeveless garment's arm hole."""
-    return armscye(at, top=0.13, under=0.166)
+    return armscye(at, top=0.112, under=0.166)
 
 
 def top_sheet(top: Top, *, ends_below: bool = True) -> Sheet:
@@ -75,8 +79,10 @@ def top_sheet(top: Top, *, ends_below: bool = True) -> Sheet:
     sheet = sewn((top.neckline, lambda at: above(at, top.hem), top.ends), top.eased)
     sheet = panelled(sheet)
     crease = creases(sheet.at, (0.09, 0.05, 0.09), 3)
-    band = within(top.neckline(sheet.at), -1, top.rib, 0.003) + within(top.ends(sheet.at), -1, 0.018, 0.003)
-    hem = within(sheet.at[:, 1] - top.hem, -1, 0.02, 0.003) * ends_below
+    band = within(top.neckline(sheet.at), -1.0, top.rib, 0.003) + within(
+        top.ends(sheet.at), -1.0, 0.018, 0.003
+    )
+    hem = within(sheet.at[:, 1] - top.hem, -1.0, 0.02, 0.003) * ends_below
     return moved_out(sheet, 0.0012 * np.maximum(band, hem) + top.creased * crease * (1 - band.clip(0, 1)))
 
 
@@ -85,11 +91,11 @@ def top_paint(top: Top, found: Texels) -> Float64[np.ndarray, "N 3"]:
     at = found.at
     color = cloth(found, top.base)
     neck, ends, hem = top.neckline(at), top.ends(at), at[:, 1] - top.hem
-    color = shaded(color, within(neck, -1, top.rib), 0.93)
+    color = shaded(color, within(neck, -1.0, top.rib), 0.93)
     for value, place in ((neck, top.rib), (ends, 0.02), (hem, 0.022)):
         color = shaded(color, line(value - place, 0.003), 0.86)
     for value in (neck, ends):
-        color = shaded(color, within(value, -1, 0.003), 0.9)
+        color = shaded(color, within(value, -1.0, 0.003), 0.9)
     side = line(to_front(at), 0.0028) * (np.abs(at[:, 0]) > 0.09) * (hem > 0)
     color = shaded(color, side, 0.9)
     return shaded(color, line(armscye(at), 0.003) * (at[:, 1] > 0.385), 0.86)
