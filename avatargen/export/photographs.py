@@ -2,7 +2,8 @@
 own colours on that person's texture."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,17 +127,19 @@ def look_at_all(request: ExportRequest) -> tuple[Sighting, ...]:
 def find_person(sampler: DressedSampler, sightings: Sequence[Sighting], traits: Traits) -> FoundPerson:
     """Fit and dress the person who was seen. `traits` may tell gender, age and height."""
     assert sampler.sizing is not None
-    seconds = {"fit": 0.0, "resemble": 0.0}
+    seconds: dict[str, float] = {}
     fitter, wardrobe = Fitter(sampler.body.source, sampler.sizing), Wardrobe(sampler)
-    found: list[tuple[tuple[Fit, ...], Resemblance]] = []
-    for sex in GENDERS if traits.gender is None else (traits.gender,):
-        started = time.perf_counter()
-        fits = fitter.fit_together(sightings, height=traits.height, gender=sex)
-        fitted = time.perf_counter()
-        found.append((fits, resemble(sampler, wardrobe, sightings, fits, sex)))
-        seconds["fit"] += fitted - started
-        seconds["resemble"] += time.perf_counter() - fitted
-    fits, best = min(found, key=lambda each: each[1].miss)
+    with timed(seconds, "fit"):
+        fits = fitter.fit_together(sightings, height=traits.height, gender=traits.gender)
+    sexes = GENDERS if traits.gender is None else (traits.gender,)
+    with timed(seconds, "resemble"):
+        found = [resemble(sampler, wardrobe, sightings, fits, sex) for sex in sexes]
+        best = min(found, key=lambda each: each.miss)
+        clothes = wardrobe.clothes(best.outfit, fitter.figure)
+    with timed(seconds, "refine"):
+        fits = fitter.refine(sightings, fits, best.sex, clothes)
+    with timed(seconds, "resemble"):
+        best = resemble(sampler, wardrobe, sightings, fits, best.sex)
     person = attributes_of(sampler, best, traits.age or AGE)
     return FoundPerson(
         sightings=tuple(sightings),
@@ -146,6 +149,14 @@ def find_person(sampler: DressedSampler, sightings: Sequence[Sighting], traits: 
         gender_told=traits.gender is not None,
         seconds=seconds,
     )
+
+
+@contextmanager
+def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Adds what is done to the seconds of a stage."""
+    started = time.perf_counter()
+    yield
+    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - started
 
 
 def painted(asset: TexturedAsset, found: FoundPerson) -> TexturedAsset:

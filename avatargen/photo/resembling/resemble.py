@@ -16,7 +16,9 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from avatargen.dressed_avatar import DressedSampler
+from avatargen.photo.figure import Figure
 from avatargen.photo.fit import Fit
+from avatargen.photo.outline import Clothes
 from avatargen.photo.resembling.outfits import Choices, choices_for, has_overall
 from avatargen.photo.resembling.pieces import Dresser, Piece, body_piece, piece_of
 from avatargen.photo.resembling.view import FAR, Layer, View, draw_layer, view_of
@@ -78,6 +80,17 @@ class Wardrobe:
         if name not in self.pieces:
             self.pieces[name] = piece_of(self.sampler, name)
         return self.pieces[name]
+
+
+    def clothes(self, outfit: Outfit, figure: Figure) -> Clothes:
+        """All that the outfit shows, as it moves with a figure."""
+        pieces = [self.piece(name) for name in outfit.pieces]
+        before = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+        faces = [piece.faces + count for piece, count in zip(pieces, before, strict=False)]
+        points = np.concatenate([piece.vertices for piece in pieces])
+        return Clothes(
+            cloud=Dresser(self.sampler.body).bind(points, figure), faces=np.concatenate(faces)
+        )
 
 
 class Mirror:
