@@ -75,6 +75,8 @@ class PhotoPeople:
     """The person of a request's photographs."""
 
     def __init__(self, request: ExportRequest) -> None:
+        self.pictures = [read_picture(path) for path in request.photos]  # what may fail at once comes first
+        self.eyes = open_eyes()
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
         if not isinstance(sampler, DressedSampler) or sampler.sizing is None:
             raise InputError("found --photo with people of other weights or another body; leave those out")
@@ -92,10 +94,15 @@ class PhotoPeople:
 
     def sample(self, seed: int) -> Avatar:
         """Look at the photographs. Raises InputError where they show no whole person."""
-        started = time.perf_counter()
-        sightings = look_at_all(self.request)
-        self.seen = find_person(self.sampler, sightings, self.request.traits)
-        self.seen.seconds["see"] = time.perf_counter() - started - sum(self.seen.seconds.values())
+        seconds: dict[str, float] = {}
+        with timed(seconds, "see"):
+            sightings = [see(picture, self.eyes) for picture in self.pictures]
+        for sighting in sightings:
+            check_whole(sighting)
+        if self.request.mask is not None:
+            mask = read_mask(self.request.mask, self.pictures[0])
+            sightings = [replace(sightings[0], mask=mask)]
+        self.seen = find_person(self.sampler, sightings, self.request.traits, seconds)
         return self.seen.avatar
 
     def pose(self, joint_names: tuple[str, ...]) -> Float64[np.ndarray, "J 3"]:
@@ -112,22 +119,12 @@ class PhotoPeople:
 DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
 
 
-def look_at_all(request: ExportRequest) -> tuple[Sighting, ...]:
-    """What each photograph shows. Raises InputError where one shows no whole person."""
-    pictures = [read_picture(path) for path in request.photos]
-    eyes = open_eyes()
-    sightings = tuple(see(picture, eyes) for picture in pictures)
-    for sighting in sightings:
-        check_whole(sighting)
-    if request.mask is None:
-        return sightings
-    return (replace(sightings[0], mask=read_mask(request.mask, sightings[0].picture)),)
-
-
-def find_person(sampler: DressedSampler, sightings: Sequence[Sighting], traits: Traits) -> FoundPerson:
-    """Fit and dress the person who was seen. `traits` may tell gender, age and height."""
+def find_person(
+    sampler: DressedSampler, sightings: Sequence[Sighting], traits: Traits, seconds: dict[str, float]
+) -> FoundPerson:
+    """Fit and dress the person who was seen. `traits` may tell gender, age and height; `seconds` are added to
+    by stage."""
     assert sampler.sizing is not None
-    seconds: dict[str, float] = {}
     fitter, wardrobe = Fitter(sampler.body.source, sampler.sizing), Wardrobe(sampler)
     with timed(seconds, "fit"):
         fits = fitter.fit_together(sightings, height=traits.height, gender=traits.gender)
