@@ -19,12 +19,15 @@ from avatargen.body.model import CanonicalBody
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
 from avatargen.export.request import ExportRequest
+from avatargen.photo.face_shift import face_shift
 from avatargen.photo.fit import Fit, Fitter, check_whole
 from avatargen.photo.picture import read_mask, read_picture
-from avatargen.photo.pixels import Shown, evened, scene_of, show, trust
+from avatargen.photo.pixels import Shown, evened, of_one_stuff, scene_of, show, trust
 from avatargen.photo.resembling.person import attributes_of, avatar_of
 from avatargen.photo.resembling.pieces import Dresser
-from avatargen.photo.resembling.resemble import Resemblance, Wardrobe, resemble
+from avatargen.photo.resembling.resemble import SKIN, Resemblance, Wardrobe, resemble
+from avatargen.photo.seeing.face import find_face
+from avatargen.photo.seeing.network import Network
 from avatargen.photo.seeing.see import open_eyes, see
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.choosing import Traits
@@ -44,6 +47,12 @@ class FoundPerson:
     avatar: Avatar
     gender_told: bool
     seconds: dict[str, float]
+
+    @property
+    def seen_colors(self) -> list[np.ndarray]:
+        """Middle colours of what is worn and seen, CIELAB."""
+        worn = [name for name in self.resemblance.outfit.pieces if name != SKIN]
+        return [color for name in worn if (color := self.resemblance.colors.get(name)) is not None]
 
     def facts(self) -> dict[str, object]:
         """What was found, for scripts to read."""
@@ -113,7 +122,7 @@ class PhotoPeople:
 
     def painted(self, asset: PlainAsset) -> PlainAsset:
         """The asset in the photographs' pixels; one without a texture as it is."""
-        return painted(asset, self.found) if isinstance(asset, TexturedAsset) else asset
+        return painted(asset, self.found, self.eyes.face) if isinstance(asset, TexturedAsset) else asset
 
 
 DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
@@ -156,16 +165,17 @@ def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - started
 
 
-def painted(asset: TexturedAsset, found: FoundPerson) -> TexturedAsset:
-    """The asset, where photographs show it well in their own colours; where several do, the best one's most."""
+def painted(asset: TexturedAsset, found: FoundPerson, face: Network | None = None) -> TexturedAsset:
+    """The asset, where photographs show it well in their own colours; where several do, the best one's most.
+    With the face network, features of the face lie where the asset has them."""
     assert asset.canonical is not None
     texels = map_texels(
         Atlas(vertex_map=np.arange(len(asset.vertices)), uv=asset.uv, faces=asset.faces), len(asset.texture)
     )
     dresser = Dresser(found.avatar.body)
     shown = [
-        shown_by(asset, texels, dresser.move(asset.canonical, fit), sighting, fit)
-        for sighting, fit in zip(found.sightings, found.fits, strict=True)
+        shown_by(asset, texels, dresser.move(asset.canonical, fit), found, number, face)
+        for number, fit in enumerate(found.fits)
     ]
     return replace(asset, texture=blended(asset.texture, texels, shown))
 
@@ -174,19 +184,25 @@ def shown_by(
     asset: TexturedAsset,
     texels: TexelMap,
     vertices: Float64[np.ndarray, "W 3"],
-    sighting: Sighting,
-    fit: Fit,
+    found: FoundPerson,
+    number: int,
+    face: Network | None,
 ) -> Shown:
     """The texels that filtering reads, in one photograph."""
+    sighting, fit = found.sightings[number], found.fits[number]
     scene = scene_of(vertices, asset.faces, fit.camera)
     tall = float((sighting.mask > 0.5).any(axis=1).sum())
     trusted = trust(scene.seen, sighting.mask, tall)
     own = np.zeros(sighting.picture.pixels.shape)
     at = scene.seen.mask
     own[at] = sample_texture(asset, scene.seen.face[at], scene.seen.barycentric[at]).clip(0, 1) ** (1 / GAMMA)
-    photograph = evened(sighting.picture.pixels, own, trusted, tall)
-    asked = texels.asked
-    return show(scene, texels.face[asked], texels.barycentric(asked), photograph, trusted)
+    pixels, asked = sighting.picture.pixels, texels.asked
+    stuffs = np.stack([found.resemblance.skin, *found.seen_colors])
+    built = np.where(at[..., None], np.rint(255 * own), pixels).astype(np.uint8)
+    shift = None if face is None else face_shift(find_face(face, built, sighting.pixels), sighting.face)
+    trusted = of_one_stuff(pixels, own, stuffs, trusted, tall)
+    photograph = evened(pixels, own, trusted, tall)
+    return show(scene, texels.face[asked], texels.barycentric(asked), photograph, trusted, shift)
 
 
 def blended(

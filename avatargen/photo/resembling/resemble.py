@@ -30,7 +30,7 @@ LIGHT = 0.45  # of a difference in lightness, which light and shadow make
 MISSED = 2.6  # of a pixel that is the person and is not covered, or the other way round
 CONTRAST = 0.6  # of the artist's own colours, that is expected
 LEAD = 0.007  # m that what is worn further out is before what is beneath, where both lie together
-RARE = {"hat": 0.02}  # what is seldom worn has to be better by a share of the person's pixels
+RARE = {"hat": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
 MARGIN = 0.06  # of the person's height, around the person
 SKIN = "skin"
 

@@ -1,7 +1,7 @@
 """A network of a .tflite file, run on a processor."""
 
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32
@@ -9,6 +9,7 @@ from jaxtyping import Float32
 from avatargen.extras import require_extra
 
 
+@runtime_checkable
 class Network(Protocol):
     """Pictures to numbers."""
 
