@@ -155,7 +155,12 @@ def test_what_is_cut_out_goes_back_where_it_was(rng: np.random.Generator) -> Non
     smooth = gaussian_filter(rng.uniform(0, 255, (160, 200)), 6)
     pixels[:] = ((smooth - smooth.min()) / np.ptp(smooth) * 255)[..., None]
     part = cut(pixels, square, 128)
-    assert np.abs(spread_back(part[..., 0], square, 200, 160)[70:90, 90:110] - pixels[70:90, 90:110, 0] / 255).max() < 0.02
+    assert (
+        np.abs(
+            spread_back(part[..., 0], square, 200, 160)[70:90, 90:110] - pixels[70:90, 90:110, 0] / 255
+        ).max()
+        < 0.02
+    )
 
 
 def test_squares_stand_upright_and_hold_all(rng: np.random.Generator) -> None:
@@ -235,7 +240,9 @@ def test_the_figure_moves_as_the_body_does(rng: np.random.Generator) -> None:
     posed = figure.pose(tensor(betas), local, tensor(move))
     assert np.abs(posed.joints.numpy() - expected.joints).max() < 2e-6
     cloud = Cloud(
-        points=tensor(body.v_template), directions=tensor(body.shapedirs[:, :, :10]), weights=tensor(body.weights)
+        points=tensor(body.v_template),
+        directions=tensor(body.shapedirs[:, :, :10]),
+        weights=tensor(body.weights),
     )
     assert np.abs(figure.skin(posed, tensor(betas), cloud).numpy() - expected.vertices).max() < 5e-6
     assert np.allclose(turns(local).numpy(), rotations, atol=1e-4)
@@ -356,5 +363,7 @@ def test_seeds_load_nothing_of_photographs() -> None:
         "avatargen.commands.export.avatar_export; "
         "print([name for name in sys.modules if 'photo' in name or 'litert' in name])"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[1])
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[1]
+    )
     assert run.stdout.strip() == "[]", run.stderr

@@ -166,7 +166,9 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
         avatar = people.sample(seed)
     photographed = people if isinstance(people, Photographed) else None
     if photographed is not None and request.photo_pose:
-        settings = replace(settings, pose=photographed.pose(body_on(people.body, settings.joints).joint_names))
+        settings = replace(
+            settings, pose=photographed.pose(body_on(people.body, settings.joints).joint_names)
+        )
     fit = None
     if request.chosen:
         fit = build_fitted(avatar, settings, request, watch.total(), watch.show_build)

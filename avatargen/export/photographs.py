@@ -75,8 +75,11 @@ class FoundPerson:
                 found.append(f"{name}: {sighting.people} people; the largest was taken")
             if fit.uncertain:
                 found.append(f"{name}: it does not show well where {', '.join(fit.uncertain)} are")
+        if not self.gender_told:
+            found.append(f"taken for a {self.resemblance.sex}, by clothes and hair; --gender tells")
         if not self.fits[0].height_known:
-            found.append(f"one picture does not show how tall somebody is: taken as {self.fits[0].height:.2f} m; --height tells")
+            tall = f"{self.fits[0].height:.2f} m"
+            found.append(f"a picture does not show how tall somebody is: taken as {tall}; --height tells")
         return found
 
 

@@ -69,5 +69,6 @@ def offset_of(name: str) -> tuple[float, float, float]:
 
 
 ANCHORS = tuple(
-    Anchor(name=name, joint=joint_of(name)[0], frame=joint_of(name)[1], offset=offset_of(name)) for name in NAMES
+    Anchor(name=name, joint=joint_of(name)[0], frame=joint_of(name)[1], offset=offset_of(name))
+    for name in NAMES
 )

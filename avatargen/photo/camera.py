@@ -22,7 +22,9 @@ class Pinhole:
     right: float = 0.0
     down: float = 0.0
 
-    def see(self, points: Float[np.ndarray, "N 3"]) -> tuple[Float64[np.ndarray, "N 2"], Float64[np.ndarray, " N"]]:
+    def see(
+        self, points: Float[np.ndarray, "N 3"]
+    ) -> tuple[Float64[np.ndarray, "N 2"], Float64[np.ndarray, " N"]]:
         """Places in the picture, pixels, and metres away along the view."""
         points = np.asarray(points, dtype=np.float64)
         away = np.maximum(-points[:, 2], NEAREST)

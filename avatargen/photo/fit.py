@@ -35,14 +35,36 @@ STEPS = (150, 120)  # by landmarks alone, and with the outline of clothes
 DRAWN_ANEW = 12  # steps after which the outline is
 RATE = 0.06
 BONES = (  # whose direction the landmarks in metres tell
-    *((f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in (
-        ("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"), ("heel", "foot"),
-        ("wrist", "index"), ("wrist", "pinky"), ("shoulder", "hip"),
-    )),
-    ("right_hip", "left_hip"), ("right_shoulder", "left_shoulder"), ("right_ear", "left_ear"),
-    ("left_ear", "nose"), ("right_ear", "nose"),
+    *(
+        (f"{side}_{a}", f"{side}_{b}")
+        for side in ("left", "right")
+        for a, b in (
+            ("shoulder", "elbow"),
+            ("elbow", "wrist"),
+            ("hip", "knee"),
+            ("knee", "ankle"),
+            ("heel", "foot"),
+            ("wrist", "index"),
+            ("wrist", "pinky"),
+            ("shoulder", "hip"),
+        )
+    ),
+    ("right_hip", "left_hip"),
+    ("right_shoulder", "left_shoulder"),
+    ("right_ear", "left_ear"),
+    ("left_ear", "nose"),
+    ("right_ear", "nose"),
 )
-WEIGHTS = {"eye": 0.25, "ear": 0.4, "mouth": 0.3, "nose": 0.4, "pinky": 0.3, "index": 0.3, "thumb": 0.2, "heel": 0.6}
+WEIGHTS = {
+    "eye": 0.25,
+    "ear": 0.4,
+    "mouth": 0.3,
+    "nose": 0.4,
+    "pinky": 0.3,
+    "index": 0.3,
+    "thumb": 0.2,
+    "heel": 0.6,
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,7 +172,9 @@ class Problem:
     def resume(self, fit: Fit) -> None:
         """Go on from a fit."""
         names = self.fitter.body.joint_names
-        rows = [names.index(name) if name in names else names.index(HANDS[name]) for name in self.figure.names]
+        rows = [
+            names.index(name) if name in names else names.index(HANDS[name]) for name in self.figure.names
+        ]
         self.six = six_of(tensor(axis_angle_to_matrix(fit.rotations[rows])))
         self.move = tensor(fit.move)
         self.shape = torch.linalg.solve(self.axes, tensor(fit.betas) - self.mean).clamp(-2.5, 2.5)
@@ -172,7 +196,10 @@ class Problem:
 
     def start(self) -> tuple[Tensor, Tensor]:
         """The body turned as hips and shoulders lie, arms as usual, and where it stands."""
-        names, figure = [f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip")], self.figure
+        names, figure = (
+            [f"{side}_{part}" for side in ("left", "right") for part in ("shoulder", "hip")],
+            self.figure,
+        )
         rotations = torch.eye(3).repeat(len(figure.names), 1, 1)
         at_rest = figure.pose(self.mean, rotations, torch.zeros(3)).landmarks.numpy()
         rows = [NAMES.index(name) for name in names]
@@ -195,7 +222,9 @@ class Problem:
         """Adam's steps, ever shorter."""
         free = [each.clone().requires_grad_() for each in (self.six, self.move, self.shape)]
         free[2].requires_grad_(not self.shaped)
-        rates = [{"params": [each], "lr": RATE * share} for each, share in zip(free, (1, 0.6, 1), strict=True)]
+        rates = [
+            {"params": [each], "lr": RATE * share} for each, share in zip(free, (1, 0.6, 1), strict=True)
+        ]
         rates = rates[:2] if self.shaped else rates
         ways = torch.optim.Adam(rates, betas=(0.9, 0.98))
         plan = torch.optim.lr_scheduler.OneCycleLR(
@@ -218,7 +247,9 @@ class Problem:
         assert self.clothes is not None
         betas = self.mean + self.axes @ shape
         posed = self.figure.pose(betas, matrices(six), move)
-        return outline.pairs(self.figure.skin(posed, betas, self.clothes.cloud).double().numpy(), self.clothes)
+        return outline.pairs(
+            self.figure.skin(posed, betas, self.clothes.cloud).double().numpy(), self.clothes
+        )
 
     def loss(self, six: Tensor, move: Tensor, shape: Tensor) -> Tensor:
         """How badly body, pose and camera agree with what was seen."""
@@ -232,7 +263,12 @@ class Problem:
         turned = turns(rotations)[1:]
         prior = self.fitter.prior
         rest = PosePrior(mean=prior.mean[1:], spread=prior.spread[1:], low=prior.low[1:], high=prior.high[1:])
-        loss = (40 if self.pairs is None else 15) * across + 1.2 * along + 0.012 * rest.unusual(turned) + 6 * rest.beyond(turned)
+        loss = (
+            (40 if self.pairs is None else 15) * across
+            + 1.2 * along
+            + 0.012 * rest.unusual(turned)
+            + 6 * rest.beyond(turned)
+        )
         loss = loss + 0.05 * 0.5 * (shape**2).sum() + self.misfit(betas)
         if self.pairs is not None:
             places = self.project(self.figure.skin(posed, betas, self.pairs.cloud))

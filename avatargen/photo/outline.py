@@ -60,7 +60,9 @@ class Outline:
         self.share = min(TALL / self.tall, 1.0)
         self.camera = camera.resized(self.share)
         row = np.clip(((np.arange(self.camera.height) + 0.5) / self.share).astype(int), 0, len(mask) - 1)
-        column = np.clip(((np.arange(self.camera.width) + 0.5) / self.share).astype(int), 0, mask.shape[1] - 1)
+        column = np.clip(
+            ((np.arange(self.camera.width) + 0.5) / self.share).astype(int), 0, mask.shape[1] - 1
+        )
         soft = gaussian_filter(mask, 0.4 / self.share) if self.share < 0.7 else mask
         self.edge = edge_of(soft[np.ix_(row, column)] > 0.5)
         self.tree = KDTree(self.edge.pixels) if len(self.edge.pixels) else None
@@ -108,7 +110,9 @@ def matched(one: Edge, other: Edge, tree: KDTree, farthest: float) -> tuple[np.n
     return rows[found], near[np.arange(len(rows)), first][found]
 
 
-def on_faces(clothes: Clothes, face: Int64[np.ndarray, " P"], barycentric: Float64[np.ndarray, "P 3"]) -> Cloud:
+def on_faces(
+    clothes: Clothes, face: Int64[np.ndarray, " P"], barycentric: Float64[np.ndarray, "P 3"]
+) -> Cloud:
     """Points of the surface."""
     corners, shares = torch.from_numpy(clothes.faces[face]), tensor(barycentric)
     cloud = clothes.cloud

@@ -28,7 +28,9 @@ class Seen:
 
     def read(self, corners: Float[np.ndarray, "F 3 C"]) -> Float64[np.ndarray, "H W C"]:
         """Numbers of the faces' corners at each pixel; 0 where nothing is seen."""
-        found = np.einsum("hwk,hwkc->hwc", self.barycentric, corners[np.maximum(self.face, 0)].astype(np.float64))
+        found = np.einsum(
+            "hwk,hwkc->hwc", self.barycentric, corners[np.maximum(self.face, 0)].astype(np.float64)
+        )
         return np.where(self.mask[..., None], found, 0.0)
 
 

@@ -64,7 +64,9 @@ def piece_of(sampler: DressedSampler, name: str) -> Piece:
     )
 
 
-def outward(vertices: Float32[np.ndarray, "N 3"], faces: Int64[np.ndarray, "F 3"]) -> Int64[np.ndarray, "F 3"]:
+def outward(
+    vertices: Float32[np.ndarray, "N 3"], faces: Int64[np.ndarray, "F 3"]
+) -> Int64[np.ndarray, "F 3"]:
     """The faces, seen from outside counter-clockwise: a positive volume."""
     a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
     return faces if np.einsum("nd,nd->", a, np.cross(b, c)) > 0 else faces[:, ::-1]

@@ -30,6 +30,8 @@ LIGHT = 0.45  # of a difference in lightness, which light and shadow make
 MISSED = 2.6  # of a pixel that is the person and is not covered, or the other way round
 CONTRAST = 0.6  # of the artist's own colours, that is expected
 LEAD = 0.007  # m that what is worn further out is before what is beneath, where both lie together
+FEWEST = 4  # pixels that tell a colour
+SHARE = 0.15  # of the pixels of hair, that tell its colour
 RARE = {"hat": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
 MARGIN = 0.06  # of the person's height, around the person
 SKIN = "skin"
@@ -81,16 +83,13 @@ class Wardrobe:
             self.pieces[name] = piece_of(self.sampler, name)
         return self.pieces[name]
 
-
     def clothes(self, outfit: Outfit, figure: Figure) -> Clothes:
         """All that the outfit shows, as it moves with a figure."""
         pieces = [self.piece(name) for name in outfit.pieces]
         before = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
         faces = [piece.faces + count for piece, count in zip(pieces, before, strict=False)]
         points = np.concatenate([piece.vertices for piece in pieces])
-        return Clothes(
-            cloud=Dresser(self.sampler.body).bind(points, figure), faces=np.concatenate(faces)
-        )
+        return Clothes(cloud=Dresser(self.sampler.body).bind(points, figure), faces=np.concatenate(faces))
 
 
 class Mirror:
@@ -141,9 +140,16 @@ class Mirror:
         labels = self.labels(outfit.pieces)
         found: dict[str, Float64[np.ndarray, "3"] | None] = {}
         for number, name in enumerate(outfit.pieces):
-            at = (labels == number) & self.view.mask
-            found[name] = np.median(self.view.color[at], axis=0) if at.sum() >= 4 else None
+            seen = self.view.color[(labels == number) & self.view.mask]
+            if self.wardrobe.piece(name).kind == "hair":
+                seen = self.without_skin(seen)
+            found[name] = np.median(seen, axis=0) if len(seen) >= FEWEST else None
         return found
+
+    def without_skin(self, seen: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
+        """Colours of hair, between whose strands skin shows: those off the skin's, where there are enough."""
+        off = np.linalg.norm(seen - self.skin, axis=1) > SCALE
+        return seen[off] if off.sum() > SHARE * len(seen) else seen
 
 
 def resemble(
@@ -173,7 +179,7 @@ def resemble(
         sex=sex,
         outfit=outfit,
         colors=colors,
-        skin=np.median(skins, axis=0),
+        skin=np.median(skins, axis=0) if (bare := colors[SKIN]) is None else bare,
         miss=miss(whole, outfit) + miss(head, outfit),
     )
 

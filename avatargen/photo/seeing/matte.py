@@ -19,7 +19,9 @@ WEAK = 1e-6  # pull to nothing of pixels that no window ties to others
 MARGIN = 0.08  # of the person's height around the person
 
 
-def matte(pixels: UInt8[np.ndarray, "H W 3"], cover: Float32[np.ndarray, "H W"]) -> Float32[np.ndarray, "H W"]:
+def matte(
+    pixels: UInt8[np.ndarray, "H W 3"], cover: Float32[np.ndarray, "H W"]
+) -> Float32[np.ndarray, "H W"]:
     """How much of each pixel is the person, 0..1, from how likely it is."""
     rows, columns = np.flatnonzero((cover > 0.5).any(axis=1)), np.flatnonzero((cover > 0.5).any(axis=0))
     if not len(rows):
@@ -44,7 +46,9 @@ def shrunk(picture: np.ndarray) -> np.ndarray:
     return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BOX if share < 1 else None))
 
 
-def solve(pixels: UInt8[np.ndarray, "H W 3"], likely: Float32[np.ndarray, "H W"]) -> Float32[np.ndarray, "H W"]:
+def solve(
+    pixels: UInt8[np.ndarray, "H W 3"], likely: Float32[np.ndarray, "H W"]
+) -> Float32[np.ndarray, "H W"]:
     """The matte of a small picture. Only the largest piece counts."""
     band = max(round(BAND * len(pixels)), 1)
     sure = largest(binary_erosion(likely > SURE, iterations=band))
