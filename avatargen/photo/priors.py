@@ -21,7 +21,7 @@ FEWEST_SPREADS = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Usual:
-    """A joint's usual turn and how far it strays from it; the least and most that it reaches; whole degrees."""
+    """A joint's usual turn, how far it strays from it, the least and most that it reaches; whole degrees."""
 
     mean: Turn
     spread: Turn

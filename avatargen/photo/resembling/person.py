@@ -1,7 +1,7 @@
 """From what was found in a photograph to a person of the generator: attributes and an avatar."""
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Float
 
 from avatargen import __version__
 from avatargen.avatar import Avatar

@@ -35,6 +35,7 @@ SHARE = 0.15  # of the pixels of hair, that tell its colour
 RARE = {"hat": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
 MARGIN = 0.06  # of the person's height, around the person
 SKIN = "skin"
+Middles = dict[str, Float64[np.ndarray, "3"] | None]  # colours by piece
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +67,7 @@ class Resemblance:
 
     sex: str
     outfit: Outfit
-    colors: dict[str, Float64[np.ndarray, "3"] | None]
+    colors: Middles
     skin: Float64[np.ndarray, "3"]
     miss: float
 
@@ -135,10 +136,10 @@ class Mirror:
         middle = np.median(self.wardrobe.piece(name).color, axis=0)
         return self.view.color[at] - CONTRAST * (colors - middle)
 
-    def colors(self, outfit: Outfit) -> dict[str, Float64[np.ndarray, "3"] | None]:
+    def colors(self, outfit: Outfit) -> Middles:
         """The middle colours of the pieces that are seen."""
         labels = self.labels(outfit.pieces)
-        found: dict[str, Float64[np.ndarray, "3"] | None] = {}
+        found: Middles = {}
         for number, name in enumerate(outfit.pieces):
             seen = self.view.color[(labels == number) & self.view.mask]
             if self.wardrobe.piece(name).kind == "hair":
@@ -189,10 +190,10 @@ def miss(mirrors: Sequence[Mirror], outfit: Outfit) -> float:
     return float(np.mean([mirror.miss(outfit) for mirror in mirrors]))
 
 
-def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> dict[str, Float64[np.ndarray, "3"] | None]:
+def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> Middles:
     """The pieces' middle colours, over the pictures that show them."""
     each = [mirror.colors(outfit) for mirror in mirrors]
-    found: dict[str, Float64[np.ndarray, "3"] | None] = {}
+    found: Middles = {}
     for name in outfit.pieces:
         seen = [color for colors in each if (color := colors[name]) is not None]
         found[name] = np.median(seen, axis=0) if seen else None
