@@ -18,8 +18,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "--folder",
             type=Path,
             metavar="DIR",
-            help="where to keep them, which AVATARGEN_PHOTO_MODELS then has to name (default: the user's data "
-            "folder)",
+            help="where to keep them, which AVATARGEN_PHOTO_MODELS then has to name (default: in the "
+            "user's folder for data)",
         )
         given = parser.parse_args(arguments)
         from avatargen.photo.models import install_models
