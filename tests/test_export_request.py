@@ -22,6 +22,7 @@ from tests import cli_page
 
 WALKING = ("--seed", "3", "--clip", "walk")
 APART = ("--seed", "3", "--parts", "separate")
+PHOTO = ("--photo", "a.jpg")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
 CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -38,6 +39,9 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--mesher": (ONE, (*ONE, "--mesher", "marching-cubes")),
     "--simplifier": (ONE, (*ONE, "--simplifier", "pymeshlab")),
     "--wear": (ONE, (*ONE, "--wear", "8:top,outer")),
+    "--photo": (PHOTO, (*PHOTO, "--photo", "b.jpg")),
+    "--mask": (PHOTO, (*PHOTO, "--mask", "a.png")),
+    "--texture-from": (PHOTO, (*PHOTO, "--texture-from", "field")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
@@ -131,7 +135,7 @@ OPTIONS = [action for action in make_parser()._actions if name_of(action) not in
 @pytest.fixture(autouse=True)
 def in_a_folder_with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for name in ("a.npz", "b.npz", "a.safetensors"):
+    for name in ("a.npz", "b.npz", "a.safetensors", "a.jpg", "b.jpg", "a.png"):
         Path(name).write_bytes(b"as it was")
     Path("a.json").write_text('{"hair": "bob"}')
     Path("folder").mkdir()
@@ -174,21 +178,23 @@ def test_every_field_of_a_request_is_reached_by_an_option() -> None:
     }
     reached |= changed_fields(parse(ONE), parse([*ONE, "--pose", "t"]))
     reached |= changed_fields(parse(ONE), parse([*ONE, "--scene", "print"]))
+    reached |= changed_fields(parse(PHOTO), parse([*PHOTO, "--pose", "photo"]))
     names = [each.name for each, _ in settings(parse(ONE))]
     assert len(names) == len(set(names)), "two fields of one name hide each other"
     assert set(names) - reached == {"head_detail", "on_ground"}  # of BuildConfig, without an option
 
 
-@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion"])
+@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion", "--mask"])
 def test_files_enter_by_their_contents(option: str) -> None:
     name = CHANGES[option][1][-1]
-    before = fingerprint(parse([*ONE, option, name]))
+    words = CHANGES[option][0]
+    before = fingerprint(parse([*words, option, name]))
     Path("elsewhere").mkdir()
     moved = Path("elsewhere") / name
     moved.write_bytes(Path(name).read_bytes())
-    assert fingerprint(parse([*ONE, option, str(moved)])) == before
+    assert fingerprint(parse([*words, option, str(moved)])) == before
     Path(name).write_bytes(b"as it is now")
-    assert fingerprint(parse([*ONE, option, name])) != before
+    assert fingerprint(parse([*words, option, name])) != before
 
 
 def test_a_motion_s_name_is_in_the_file_and_so_is_its_order() -> None:

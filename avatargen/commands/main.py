@@ -51,6 +51,11 @@ COMMANDS = (
         function="avatargen.commands.learn.body_convert:main",
     ),
     Command(
+        words=("photo-models",),
+        summary="get the networks that avatar-export --photo reads photographs with",
+        function="avatargen.commands.learn.photo_models:main",
+    ),
+    Command(
         words=("data", "synth"),
         summary="pictures of the wardrobe's people with their labels; the same command resumes",
         function="avatargen.commands.learn.data_synth:main",

@@ -2,7 +2,8 @@
 own colours on that person's texture."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +19,15 @@ from avatargen.body.model import CanonicalBody
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
 from avatargen.export.request import ExportRequest
+from avatargen.photo.face_shift import face_shift
 from avatargen.photo.fit import Fit, Fitter, check_whole
 from avatargen.photo.picture import read_mask, read_picture
-from avatargen.photo.pixels import Shown, evened, scene_of, show, trust
+from avatargen.photo.pixels import Shown, evened, of_one_stuff, scene_of, show, trust
 from avatargen.photo.resembling.person import attributes_of, avatar_of
 from avatargen.photo.resembling.pieces import Dresser
-from avatargen.photo.resembling.resemble import Resemblance, Wardrobe, resemble
+from avatargen.photo.resembling.resemble import SKIN, Resemblance, Wardrobe, resemble
+from avatargen.photo.seeing.face import find_face
+from avatargen.photo.seeing.network import Network
 from avatargen.photo.seeing.see import open_eyes, see
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.choosing import Traits
@@ -43,6 +47,12 @@ class FoundPerson:
     avatar: Avatar
     gender_told: bool
     seconds: dict[str, float]
+
+    @property
+    def seen_colors(self) -> list[np.ndarray]:
+        """Middle colours of what is worn and seen, CIELAB."""
+        worn = [name for name in self.resemblance.outfit.pieces if name != SKIN]
+        return [color for name in worn if (color := self.resemblance.colors.get(name)) is not None]
 
     def facts(self) -> dict[str, object]:
         """What was found, for scripts to read."""
@@ -65,10 +75,11 @@ class FoundPerson:
                 found.append(f"{name}: {sighting.people} people; the largest was taken")
             if fit.uncertain:
                 found.append(f"{name}: it does not show well where {', '.join(fit.uncertain)} are")
+        if not self.gender_told:
+            found.append(f"taken for a {self.resemblance.sex}, by clothes and hair; --gender tells")
         if not self.fits[0].height_known:
-            found.append(
-                f"one picture does not show how tall somebody is: taken as {self.fits[0].height:.2f} m; --height tells"
-            )
+            tall = f"{self.fits[0].height:.2f} m"
+            found.append(f"a picture does not show how tall somebody is: taken as {tall}; --height tells")
         return found
 
 
@@ -76,6 +87,8 @@ class PhotoPeople:
     """The person of a request's photographs."""
 
     def __init__(self, request: ExportRequest) -> None:
+        self.pictures = [read_picture(path) for path in request.photos]  # what may fail at once comes first
+        self.eyes = open_eyes()
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
         if not isinstance(sampler, DressedSampler) or sampler.sizing is None:
             raise InputError("found --photo with people of other weights or another body; leave those out")
@@ -93,10 +106,15 @@ class PhotoPeople:
 
     def sample(self, seed: int) -> Avatar:
         """Look at the photographs. Raises InputError where they show no whole person."""
-        started = time.perf_counter()
-        sightings = look_at_all(self.request)
-        self.seen = find_person(self.sampler, sightings, self.request.traits)
-        self.seen.seconds["see"] = time.perf_counter() - started - sum(self.seen.seconds.values())
+        seconds: dict[str, float] = {}
+        with timed(seconds, "see"):
+            sightings = [see(picture, self.eyes) for picture in self.pictures]
+        for sighting in sightings:
+            check_whole(sighting)
+        if self.request.mask is not None:
+            mask = read_mask(self.request.mask, self.pictures[0])
+            sightings = [replace(sightings[0], mask=mask)]
+        self.seen = find_person(self.sampler, sightings, self.request.traits, seconds)
         return self.seen.avatar
 
     def pose(self, joint_names: tuple[str, ...]) -> Float64[np.ndarray, "J 3"]:
@@ -107,38 +125,30 @@ class PhotoPeople:
 
     def painted(self, asset: PlainAsset) -> PlainAsset:
         """The asset in the photographs' pixels; one without a texture as it is."""
-        return painted(asset, self.found) if isinstance(asset, TexturedAsset) else asset
+        return painted(asset, self.found, self.eyes.face) if isinstance(asset, TexturedAsset) else asset
 
 
 DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
 
 
-def look_at_all(request: ExportRequest) -> tuple[Sighting, ...]:
-    """What each photograph shows. Raises InputError where one shows no whole person."""
-    pictures = [read_picture(path) for path in request.photos]
-    eyes = open_eyes()
-    sightings = tuple(see(picture, eyes) for picture in pictures)
-    for sighting in sightings:
-        check_whole(sighting)
-    if request.mask is None:
-        return sightings
-    return (replace(sightings[0], mask=read_mask(request.mask, sightings[0].picture)),)
-
-
-def find_person(sampler: DressedSampler, sightings: Sequence[Sighting], traits: Traits) -> FoundPerson:
-    """Fit and dress the person who was seen. `traits` may tell gender, age and height."""
+def find_person(
+    sampler: DressedSampler, sightings: Sequence[Sighting], traits: Traits, seconds: dict[str, float]
+) -> FoundPerson:
+    """Fit and dress the person who was seen. `traits` may tell gender, age and height; `seconds` are added to
+    by stage."""
     assert sampler.sizing is not None
-    seconds = {"fit": 0.0, "resemble": 0.0}
     fitter, wardrobe = Fitter(sampler.body.source, sampler.sizing), Wardrobe(sampler)
-    found: list[tuple[tuple[Fit, ...], Resemblance]] = []
-    for sex in GENDERS if traits.gender is None else (traits.gender,):
-        started = time.perf_counter()
-        fits = fitter.fit_together(sightings, height=traits.height, gender=sex)
-        fitted = time.perf_counter()
-        found.append((fits, resemble(sampler, wardrobe, sightings, fits, sex)))
-        seconds["fit"] += fitted - started
-        seconds["resemble"] += time.perf_counter() - fitted
-    fits, best = min(found, key=lambda each: each[1].miss)
+    with timed(seconds, "fit"):
+        fits = fitter.fit_together(sightings, height=traits.height, gender=traits.gender)
+    sexes = GENDERS if traits.gender is None else (traits.gender,)
+    with timed(seconds, "resemble"):
+        found = [resemble(sampler, wardrobe, sightings, fits, sex) for sex in sexes]
+        best = min(found, key=lambda each: each.miss)
+        clothes = wardrobe.clothes(best.outfit, fitter.figure)
+    with timed(seconds, "refine"):
+        fits = fitter.refine(sightings, fits, best.sex, clothes)
+    with timed(seconds, "resemble"):
+        best = resemble(sampler, wardrobe, sightings, fits, best.sex)
     person = attributes_of(sampler, best, traits.age or AGE)
     return FoundPerson(
         sightings=tuple(sightings),
@@ -150,16 +160,25 @@ def find_person(sampler: DressedSampler, sightings: Sequence[Sighting], traits: 
     )
 
 
-def painted(asset: TexturedAsset, found: FoundPerson) -> TexturedAsset:
-    """The asset, where photographs show it well in their own colours; where several do, the best one's most."""
+@contextmanager
+def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Adds what is done to the seconds of a stage."""
+    started = time.perf_counter()
+    yield
+    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - started
+
+
+def painted(asset: TexturedAsset, found: FoundPerson, face: Network | None = None) -> TexturedAsset:
+    """The asset, where photographs show it well in their own colours; where several do, the best one's most.
+    With the face network, features of the face lie where the asset has them."""
     assert asset.canonical is not None
     texels = map_texels(
         Atlas(vertex_map=np.arange(len(asset.vertices)), uv=asset.uv, faces=asset.faces), len(asset.texture)
     )
     dresser = Dresser(found.avatar.body)
     shown = [
-        shown_by(asset, texels, dresser.move(asset.canonical, fit), sighting, fit)
-        for sighting, fit in zip(found.sightings, found.fits, strict=True)
+        shown_by(asset, texels, dresser.move(asset.canonical, fit), found, number, face)
+        for number, fit in enumerate(found.fits)
     ]
     return replace(asset, texture=blended(asset.texture, texels, shown))
 
@@ -168,19 +187,25 @@ def shown_by(
     asset: TexturedAsset,
     texels: TexelMap,
     vertices: Float64[np.ndarray, "W 3"],
-    sighting: Sighting,
-    fit: Fit,
+    found: FoundPerson,
+    number: int,
+    face: Network | None,
 ) -> Shown:
     """The texels that filtering reads, in one photograph."""
+    sighting, fit = found.sightings[number], found.fits[number]
     scene = scene_of(vertices, asset.faces, fit.camera)
     tall = float((sighting.mask > 0.5).any(axis=1).sum())
     trusted = trust(scene.seen, sighting.mask, tall)
     own = np.zeros(sighting.picture.pixels.shape)
     at = scene.seen.mask
     own[at] = sample_texture(asset, scene.seen.face[at], scene.seen.barycentric[at]).clip(0, 1) ** (1 / GAMMA)
-    photograph = evened(sighting.picture.pixels, own, trusted, tall)
-    asked = texels.asked
-    return show(scene, texels.face[asked], texels.barycentric(asked), photograph, trusted)
+    pixels, asked = sighting.picture.pixels, texels.asked
+    stuffs = np.stack([found.resemblance.skin, *found.seen_colors])
+    built = np.where(at[..., None], np.rint(255 * own), pixels).astype(np.uint8)
+    shift = None if face is None else face_shift(find_face(face, built, sighting.pixels), sighting.face)
+    trusted = of_one_stuff(pixels, own, stuffs, trusted, tall)
+    photograph = evened(pixels, own, trusted, tall)
+    return show(scene, texels.face[asked], texels.barycentric(asked), photograph, trusted, shift)
 
 
 def blended(

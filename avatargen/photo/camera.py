@@ -29,7 +29,8 @@ class Pinhole:
         points = np.asarray(points, dtype=np.float64)
         away = np.maximum(-points[:, 2], NEAREST)
         places = points[:, :2] * [1, -1] * (self.focal / away)[:, None]
-        return places + [self.width / 2 + self.right, self.height / 2 + self.down], away
+        middle = np.array([self.width / 2 + self.right, self.height / 2 + self.down])
+        return places + middle, away
 
     def resized(self, share: float) -> "Pinhole":
         """The same view with fewer or more pixels."""

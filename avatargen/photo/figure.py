@@ -54,21 +54,26 @@ class Posed:
     T_joints: Float[Tensor, "J 3"]  # where joints rest
 
 
-class Figure:
-    """One body's skeleton and some of its vertices. Joints and directions are those of `body`."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cloud:
+    """Points that move with a body: where they rest, how they grow with its shape, and their weights."""
 
-    def __init__(self, body: Body, vertices: int = 1500, betas: int = 10) -> None:
+    points: Float[Tensor, "V 3"]
+    directions: Float[Tensor, "V 3 b"]
+    weights: Float[Tensor, "V J"]
+
+
+class Figure:
+    """One body's skeleton and landmarks. Joints and directions are those of `body`."""
+
+    def __init__(self, body: Body, betas: int) -> None:
         self.body, self.names = body, body.joint_names
         self.parents = body.parents
         directions = body.shapedirs[:, :, :betas].astype(np.float64)
         regressor = body.J_regressor.astype(np.float64)
         self.betas = directions.shape[2]
-        chosen = spread_out(body.v_template, vertices)
         self.joints = tensor(regressor @ body.v_template)
         self.joint_directions = tensor(np.einsum("jv,vab->jab", regressor, directions))
-        self.vertices = tensor(body.v_template[chosen])
-        self.directions = tensor(directions[chosen])
-        self.weights = tensor(body.weights[chosen])
         self.levels = levels_of(body.parents)
         place = {name: number for number, name in enumerate(self.names)}
         self.at = torch.tensor([place[anchor.joint] for anchor in ANCHORS])
@@ -93,12 +98,12 @@ class Figure:
         landmarks = places[self.at] + (every[self.turned_by] @ self.offsets[:, :, None])[:, :, 0]
         return Posed(joints=places, landmarks=landmarks, rotations=every, T_joints=rest)
 
-    def skin(self, posed: Posed, betas: Float[Tensor, " b"]) -> Float[Tensor, "V 3"]:
-        """The chosen vertices by linear blend skinning."""
-        shaped = self.vertices + self.directions @ betas
+    def skin(self, posed: Posed, betas: Float[Tensor, " b"], cloud: Cloud) -> Float[Tensor, "V 3"]:
+        """Points by linear blend skinning."""
+        shaped = cloud.points + cloud.directions @ betas
         moves = posed.joints - (posed.rotations @ posed.T_joints[:, :, None])[:, :, 0]
-        blended = (self.weights @ posed.rotations.reshape(len(self.names), 9)).reshape(-1, 3, 3)
-        return (blended @ shaped[:, :, None])[:, :, 0] + self.weights @ moves
+        blended = (cloud.weights @ posed.rotations.reshape(len(self.names), 9)).reshape(-1, 3, 3)
+        return (blended @ shaped[:, :, None])[:, :, 0] + cloud.weights @ moves
 
 
 def tensor(values: np.ndarray) -> Tensor:
@@ -115,13 +120,3 @@ def levels_of(parents: np.ndarray) -> list[tuple[list[int], list[int]]]:
         joints = [joint for joint in range(len(parents)) if depth[joint] == level]
         found.append((joints, [int(parents[joint]) for joint in joints]))
     return found
-
-
-def spread_out(points: Float[np.ndarray, "V 3"], count: int) -> np.ndarray:
-    """Some of the points, about evenly over space: one of each cell of a grid."""
-    cell = 0.2
-    while True:
-        _, first = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_index=True)
-        if len(first) >= min(count, len(points) // 2):
-            return np.sort(first)
-        cell *= 0.9

@@ -15,14 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float64
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from avatargen.body.fingers import without_fingers
+from avatargen.body.fingers import HANDS, without_fingers
 from avatargen.body.model import Body
+from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.errors import InputError
 from avatargen.photo.camera import Pinhole
 from avatargen.photo.figure import Figure, Posed, matrices, six_of, tensor, turns
+from avatargen.photo.outline import Clothes, Outline, Pairs
 from avatargen.photo.priors import Builds, PosePrior, pose_prior, usual_builds
 from avatargen.photo.seeing.pose import NAMES
 from avatargen.photo.sighting import Sighting
@@ -30,10 +31,9 @@ from avatargen.wardrobe.stature import Sizing
 
 SEEN = 0.5  # visibility from which a landmark counts as seen
 ALONG = 0.94  # cosine of a limb with the view, from which its lean is uncertain
-STEPS = (140, 110)  # by landmarks alone, and with the outline
+STEPS = (150, 120)  # by landmarks alone, and with the outline of clothes
+DRAWN_ANEW = 12  # steps after which the outline is
 RATE = 0.06
-OUTLINE = 250  # points of the person's outline
-LOOSE = 0.022  # of the person's height in the picture: how far clothes and hair stand off the body
 BONES = (  # whose direction the landmarks in metres tell
     *(
         (f"{side}_{a}", f"{side}_{b}")
@@ -99,19 +99,31 @@ class Fitter:
     ) -> tuple[Fit, ...]:
         """One person in several photographs: a pose and a place in each, and the shape of all."""
         builds = usual_builds(self.sizing, gender, self.figure.betas)
-        if height is not None:
-            mean = self.sizing.sized(torch.from_numpy(builds.mean)[None], torch.tensor([[height]]))
-            builds = replace(builds, mean=mean[0].numpy(), height=height)
+        builds = builds if height is None else self.as_tall(builds, height)
         problems = [Problem(self, sighting, builds) for sighting in sightings]
         for problem in problems:
-            problem.solve(STEPS[0], outline=False)
-            problem.solve(STEPS[1], outline=True)
-        if len(problems) > 1:
-            shape = torch.stack([problem.shape for problem in problems]).mean(dim=0)
-            for problem in problems:
-                problem.shape, problem.shaped = shape, True
-                problem.solve(STEPS[1], outline=True)
+            problem.solve(STEPS[0])
+        agree(problems, STEPS[0] // 2)
         return tuple(problem.found(height is not None) for problem in problems)
+
+    def refine(
+        self, sightings: Sequence[Sighting], fits: Sequence[Fit], gender: str, clothes: Clothes
+    ) -> tuple[Fit, ...]:
+        """The same fits, once it is known what is worn: the outline is that of clothes and hair."""
+        builds = usual_builds(self.sizing, gender, self.figure.betas)
+        builds = self.as_tall(builds, fits[0].height) if fits[0].height_known else builds
+        problems = [Problem(self, sighting, builds) for sighting in sightings]
+        for problem, fit in zip(problems, fits, strict=True):
+            problem.resume(fit)
+            problem.clothes = clothes
+            problem.solve(STEPS[1])
+        agree(problems, STEPS[1] // 2)
+        return tuple(problem.found(fits[0].height_known) for problem in problems)
+
+    def as_tall(self, builds: Builds, height: float) -> Builds:
+        """The same builds, all of one height."""
+        mean = self.sizing.sized(torch.from_numpy(builds.mean)[None], torch.tensor([[height]]))
+        return replace(builds, mean=mean[0].numpy(), height=height)
 
     def fit(self, sighting: Sighting, height: float | None = None, gender: str | None = None) -> Fit:
         """The person of one photograph."""
@@ -131,6 +143,16 @@ def check_whole(sighting: Sighting) -> None:
         )
 
 
+def agree(problems: Sequence["Problem"], steps: int) -> None:
+    """One shape for all pictures of a person."""
+    if len(problems) < 2:
+        return
+    shape = torch.stack([problem.shape for problem in problems]).mean(dim=0)
+    for problem in problems:
+        problem.shape, problem.shaped = shape, True
+        problem.solve(steps)
+
+
 class Problem:
     """One fit on its way."""
 
@@ -144,7 +166,18 @@ class Problem:
         self.span = self.size()
         self.six, self.move = self.start()
         self.shape, self.shaped = torch.zeros(len(self.mean)), False
-        self.outline = Outline(sighting, self.span)
+        self.clothes: Clothes | None = None
+        self.pairs: Pairs | None = None
+
+    def resume(self, fit: Fit) -> None:
+        """Go on from a fit."""
+        names = self.fitter.body.joint_names
+        rows = [
+            names.index(name) if name in names else names.index(HANDS[name]) for name in self.figure.names
+        ]
+        self.six = six_of(tensor(axis_angle_to_matrix(fit.rotations[rows])))
+        self.move = tensor(fit.move)
+        self.shape = torch.linalg.solve(self.axes, tensor(fit.betas) - self.mean).clamp(-2.5, 2.5)
 
     def along_the_view(self) -> np.ndarray:
         """From axes in which the person is straight ahead to the camera's."""
@@ -185,7 +218,7 @@ class Problem:
                 six[number] = torch.stack([z.cos(), z.sin(), z * 0, -z.sin(), z.cos(), z * 0])
         return six, tensor(move)
 
-    def solve(self, steps: int, *, outline: bool) -> None:
+    def solve(self, steps: int) -> None:
         """Adam's steps, ever shorter."""
         free = [each.clone().requires_grad_() for each in (self.six, self.move, self.shape)]
         free[2].requires_grad_(not self.shaped)
@@ -197,15 +230,28 @@ class Problem:
         plan = torch.optim.lr_scheduler.OneCycleLR(
             ways, [rate["lr"] for rate in rates], total_steps=steps + 1, pct_start=0.2, cycle_momentum=False
         )
-        for _ in range(steps):
+        outline = None if self.clothes is None else Outline(self.sighting.mask, self.camera)
+        for step in range(steps):
+            if outline is not None and step % DRAWN_ANEW == 0:
+                self.pairs = self.paired(outline, *free)
             ways.zero_grad()
-            loss = self.loss(*free, outline=outline)
+            loss = self.loss(*free)
             loss.backward()
             ways.step()
             plan.step()
         self.six, self.move, self.shape = (each.detach() for each in free)
 
-    def loss(self, six: Tensor, move: Tensor, shape: Tensor, *, outline: bool) -> Tensor:
+    @torch.no_grad()
+    def paired(self, outline: Outline, six: Tensor, move: Tensor, shape: Tensor) -> Pairs | None:
+        """The outline of the clothes as they are now, and where it should be."""
+        assert self.clothes is not None
+        betas = self.mean + self.axes @ shape
+        posed = self.figure.pose(betas, matrices(six), move)
+        return outline.pairs(
+            self.figure.skin(posed, betas, self.clothes.cloud).double().numpy(), self.clothes
+        )
+
+    def loss(self, six: Tensor, move: Tensor, shape: Tensor) -> Tensor:
         """How badly body, pose and camera agree with what was seen."""
         rotations, betas = matrices(six), self.mean + self.axes @ shape
         posed = self.figure.pose(betas, rotations, move)
@@ -217,10 +263,17 @@ class Problem:
         turned = turns(rotations)[1:]
         prior = self.fitter.prior
         rest = PosePrior(mean=prior.mean[1:], spread=prior.spread[1:], low=prior.low[1:], high=prior.high[1:])
-        loss = 40 * across + 1.2 * along + 0.012 * rest.unusual(turned) + 6 * rest.beyond(turned)
+        loss = (
+            (40 if self.pairs is None else 15) * across
+            + 1.2 * along
+            + 0.012 * rest.unusual(turned)
+            + 6 * rest.beyond(turned)
+        )
         loss = loss + 0.05 * 0.5 * (shape**2).sum() + self.misfit(betas)
-        if outline:
-            loss = loss + self.outline.misses(self.project(self.figure.skin(posed, betas)))
+        if self.pairs is not None:
+            places = self.project(self.figure.skin(posed, betas, self.pairs.cloud))
+            apart = torch.linalg.vector_norm(places - self.pairs.places + 1e-6, dim=1) / self.span
+            loss = loss + 2500 * robust(apart, 0.008).mean()
         return loss
 
     def leaning(self, posed: Posed) -> Tensor:
@@ -278,48 +331,10 @@ class Problem:
         return tuple(found)
 
 
-class Outline:
-    """Where the person covers the picture: how far points lie outside, and how far its outline is from
-    points."""
-
-    def __init__(self, sighting: Sighting, span: float) -> None:
-        inside = sighting.mask > 0.5
-        self.span = span
-        self.outside = tensor(distance_transform_edt(~inside)) if inside.any() else None
-        height, width = inside.shape
-        self.size = torch.tensor([width, height])
-        edge = np.argwhere(inside & (distance_transform_edt(inside) < 1.5))[:, ::-1] + 0.5
-        chosen = np.random.default_rng(0).permutation(len(edge))[:OUTLINE]
-        self.edge = tensor(edge[chosen])
-
-    def misses(self, places: Tensor) -> Tensor:
-        """What of the body is outside, and what of the outline is far from the body; in shares of the
-        person."""
-        if self.outside is None or not len(self.edge):
-            return places.sum() * 0
-        off = bilinear(self.outside, places) / self.span
-        reach = torch.cdist(self.edge, places).min(dim=1).values / self.span
-        return 400 * robust(off, 0.02).mean() + 120 * robust(torch.relu(reach - LOOSE), 0.03).mean()
-
-
-def bilinear(values: Tensor, places: Tensor) -> Tensor:
-    """A picture [H W] between its pixels; beyond it that of the edge, and the way there."""
-    height, width = values.shape
-    low = torch.tensor([0.5, 0.5])
-    high = torch.tensor([width - 0.5, height - 0.5])
-    within = torch.minimum(torch.maximum(places, low), high)
-    beyond = torch.linalg.vector_norm(places - within + 1e-9, dim=1)
-    grid = (within / torch.tensor([width, height]) * 2 - 1)[None, None]
-    found = torch.nn.functional.grid_sample(
-        values[None, None], grid, align_corners=False, padding_mode="border"
-    )
-    return found[0, 0, 0] + beyond
-
-
 def robust(off: Tensor, scale: float) -> Tensor:
-    """Squares of what is small, in scales, and ever less of what is large (Geman and McClure)."""
+    """Squares of what is small, in scales, and as it is what is large."""
     square = (off / scale) ** 2
-    return scale * square / (1 + square) ** 0.5 if False else scale * (torch.sqrt(1 + square) - 1)
+    return scale * (torch.sqrt(1 + square) - 1)
 
 
 def place_before(

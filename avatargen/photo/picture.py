@@ -59,18 +59,17 @@ def read_picture(path: Path) -> Picture:
             image = Image.open(io.BytesIO(data))
             width, height = image.size
             if width * height > MOST_PIXELS:
-                raise InputError(
-                    f"photo: {path} has {width * height / 1e6:.0f} megapixels; make it smaller, up to "
-                    f"{MOST_PIXELS // 1_000_000}"
-                )
+                raise Image.DecompressionBombError
             focal = focal_of(image)
             image.draft("RGB", (LARGEST_SIDE, LARGEST_SIDE))  # JPEG decodes smaller at once
             upright = in_srgb(ImageOps.exif_transpose(image))
             upright.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
             pixels = np.asarray(upright)
-    except InputError:
-        raise
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except Image.DecompressionBombError as error:
+        raise InputError(
+            f"photo: {path} has more than {MOST_PIXELS // 1_000_000} megapixels; make it smaller"
+        ) from error
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
         raise InputError(f"photo: {path} is no picture that can be read; give a JPEG or PNG") from error
     return Picture(
         name=path.name,
@@ -113,7 +112,7 @@ def focal_of(image: Image.Image) -> float | None:
 
 
 def in_srgb(image: Image.Image) -> Image.Image:
-    """The picture's colours in sRGB, by its own profile where it has one; on white where it is transparent."""
+    """The picture's colours in sRGB, by its own profile where it has one; on white where transparent."""
     profile = image.info.get("icc_profile")
     if image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info:
         image = image.convert("RGBA")

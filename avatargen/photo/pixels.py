@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64, UInt8
-from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
+from scipy.ndimage import binary_opening, distance_transform_edt, gaussian_filter, map_coordinates
 
 from avatargen.photo.camera import Pinhole
+from avatargen.photo.face_shift import FaceShift
 from avatargen.photo.raster import Seen, look_at
 from avatargen.wardrobe.appearance import rgb_of
 from avatargen.wardrobe.colour_names import lab
@@ -22,6 +23,8 @@ BEHIND = 0.012  # m behind what is seen, from which a point is hidden
 STEP = 0.04  # m between neighbours, from which one hides what is beside it
 BORDER = 0.012  # of the person's height in the picture: how soft the border is
 LONG_WAY = 0.035  # of the same: over which light is evened out
+GREY = np.array([0.6, 1.0, 1.0])  # what lightness counts, when stuffs are told apart
+DIFFERENT, NEARER = 14.0, 0.6  # CIELAB off a stuff, and how much nearer another one is
 OTHER = 28.0  # CIELAB from the person's colours, from which it is another thing and not another light
 
 
@@ -54,6 +57,7 @@ def show(
     barycentric: Float64[np.ndarray, "T 3"],
     photograph: Float[np.ndarray, "H W 3"],
     trusted: Float[np.ndarray, "H W"],
+    shift: FaceShift | None = None,
 ) -> Shown:
     """Points of a surface, each on a face, in a photograph (sRGB 0..1) as far as that is `trusted`."""
     corners = scene.vertices[scene.faces[face]]
@@ -65,6 +69,8 @@ def show(
     front = read(np.where(scene.seen.mask, scene.seen.away, 0.0), places, order=0)
     inside = ((places > 0) & (places < [scene.camera.width, scene.camera.height])).all(axis=1)
     weight = smooth(facing, *FACING) * inside * (away < front + BEHIND)
+    if shift is not None:
+        places = places + shift.at(places)
     weight = weight * np.clip(read(trusted, places), 0, 1)
     color = np.stack([read(photograph[..., c], places) for c in range(3)], axis=1)
     return Shown(color=color.clip(0, 1), weight=weight)
@@ -83,6 +89,28 @@ def trust(seen: Seen, mask: Float32[np.ndarray, "H W"], height: float) -> Float6
             steps[tuple(along)] |= jump
     within = (mask > 0.8) & seen.mask & ~steps
     return smooth(distance_transform_edt(within), 1.0, 1.0 + max(BORDER * height, 2.0))
+
+
+def of_one_stuff(
+    photograph: UInt8[np.ndarray, "H W 3"],
+    own: Float64[np.ndarray, "H W 3"],
+    stuffs: Float64[np.ndarray, "K 3"],
+    trusted: Float64[np.ndarray, "H W"],
+    height: float,
+) -> Float64[np.ndarray, "H W"]:
+    """`trusted`, but 0 where the photograph shows another of the person's stuffs (CIELAB) than the surface
+    has there: a hand before a shirt, a sleeve that ends elsewhere."""
+    picture, ours = (lab(each.reshape(-1, 3)) * GREY for each in (photograph / 255, own))
+    colors = stuffs * GREY
+    apart = np.linalg.norm(picture - ours, axis=1)
+    to_stuffs = np.linalg.norm(picture[:, None] - colors[None], axis=2)
+    own_stuff = np.linalg.norm(ours[:, None] - colors[None], axis=2).argmin(axis=1)
+    to_stuffs[np.arange(len(picture)), own_stuff] = np.inf
+    other = (apart > DIFFERENT) & (to_stuffs.min(axis=1) < NEARER * apart)
+    other = binary_opening(other.reshape(trusted.shape)) & (trusted > 0)
+    if not other.any():
+        return trusted
+    return trusted * smooth(distance_transform_edt(~other), 1.0, 1.0 + max(BORDER * height, 2.0))
 
 
 def smooth(values: np.ndarray, low: float, high: float) -> np.ndarray:

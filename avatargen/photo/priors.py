@@ -14,15 +14,14 @@ from torch import Tensor
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
 from avatargen.wardrobe.stature import MEN, WOMEN, Sizing
 
-Turn = tuple[float, float, float]
-WIDE = (9.0, 9.0, 9.0)
+Turn = tuple[int, int, int]
 DRAWN = 2048  # people that builds are learned of
 FEWEST_SPREADS = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
 class Usual:
-    """A joint's usual turn and how far it strays from it; the least and most that it reaches, degrees."""
+    """A joint's usual turn, how far it strays from it, the least and most that it reaches; whole degrees."""
 
     mean: Turn
     spread: Turn

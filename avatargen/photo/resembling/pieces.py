@@ -14,6 +14,7 @@ from avatargen.body.model import CanonicalBody, forward_kinematics, from_rest_jo
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.body.skinning import skin, unskin
 from avatargen.dressed_avatar import DressedSampler
+from avatargen.photo.figure import Cloud, Figure, tensor
 from avatargen.photo.fit import Fit
 from avatargen.wardrobe.colour_names import lab
 
@@ -78,16 +79,34 @@ class Dresser:
         self.body = body
         self.T_canonical = pose_canonically(body.source).T_posed_rest
 
+    def bind(self, points: Float32[np.ndarray, "N 3"], figure: Figure) -> Cloud:
+        """Canonical points, as they move with a figure of the same body."""
+        source, corners, bary, at_t = self.body.source, *self.at_rest(points)
+        weights = np.einsum("nk,nkj->nj", bary, figure.body.weights[corners])
+        directions = source.shapedirs[:, :, : figure.betas].astype(np.float64)
+        return Cloud(
+            points=tensor(at_t),
+            directions=tensor(np.einsum("nk,nkdb->ndb", bary, directions[corners])),
+            weights=tensor(weights),
+        )
+
+    def at_rest(
+        self, points: Float32[np.ndarray, "N 3"]
+    ) -> tuple[Int64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3"]]:
+        """The nearest face of the body, the place on it, and the points in the T-pose at betas 0."""
+        hit = self.body.distance.query(points.astype(np.float32))
+        corners, barycentric = self.body.faces[hit.face], hit.barycentric.astype(np.float64)
+        weights = np.einsum("nk,nkj->nj", barycentric, self.body.weights[corners])
+        return corners, barycentric, unskin(points.astype(np.float64), weights, self.T_canonical)
+
     def move(self, points: Float32[np.ndarray, "N 3"], fit: Fit) -> Float64[np.ndarray, "N 3"]:
         """Canonical points, where they are on the person."""
         body, source = self.body, self.body.source
-        hit = body.distance.query(points.astype(np.float32))
-        corners = body.faces[hit.face]
-        weights = np.einsum("nk,nkj->nj", hit.barycentric, body.weights[corners]).astype(np.float64)
-        at_t = unskin(points.astype(np.float64), weights, self.T_canonical)
+        corners, barycentric, at_t = self.at_rest(points)
+        weights = np.einsum("nk,nkj->nj", barycentric, body.weights[corners])
         shaped = shape(source, fit.betas)
         grown = shaped.vertices - source.v_template
-        at_t += np.einsum("nk,nkd->nd", hit.barycentric, grown[corners])
+        at_t = at_t + np.einsum("nk,nkd->nd", barycentric, grown[corners])
         T_world = forward_kinematics(shaped.joints, axis_angle_to_matrix(fit.rotations), body.parents)
         T_world[:, :3, 3] += fit.move
         return skin(at_t, weights, from_rest_joints(T_world, shaped.joints))

@@ -16,7 +16,9 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from avatargen.dressed_avatar import DressedSampler
+from avatargen.photo.figure import Figure
 from avatargen.photo.fit import Fit
+from avatargen.photo.outline import Clothes
 from avatargen.photo.resembling.outfits import Choices, choices_for, has_overall
 from avatargen.photo.resembling.pieces import Dresser, Piece, body_piece, piece_of
 from avatargen.photo.resembling.view import FAR, Layer, View, draw_layer, view_of
@@ -28,9 +30,12 @@ LIGHT = 0.45  # of a difference in lightness, which light and shadow make
 MISSED = 2.6  # of a pixel that is the person and is not covered, or the other way round
 CONTRAST = 0.6  # of the artist's own colours, that is expected
 LEAD = 0.007  # m that what is worn further out is before what is beneath, where both lie together
-RARE = {"hat": 0.02}  # what is seldom worn has to be better by a share of the person's pixels
+FEWEST = 4  # pixels that tell a colour
+SHARE = 0.15  # of the pixels of hair, that tell its colour
+RARE = {"hat": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
 MARGIN = 0.06  # of the person's height, around the person
 SKIN = "skin"
+Middles = dict[str, Float64[np.ndarray, "3"] | None]  # colours by piece
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +67,7 @@ class Resemblance:
 
     sex: str
     outfit: Outfit
-    colors: dict[str, Float64[np.ndarray, "3"] | None]
+    colors: Middles
     skin: Float64[np.ndarray, "3"]
     miss: float
 
@@ -78,6 +83,14 @@ class Wardrobe:
         if name not in self.pieces:
             self.pieces[name] = piece_of(self.sampler, name)
         return self.pieces[name]
+
+    def clothes(self, outfit: Outfit, figure: Figure) -> Clothes:
+        """All that the outfit shows, as it moves with a figure."""
+        pieces = [self.piece(name) for name in outfit.pieces]
+        before = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+        faces = [piece.faces + count for piece, count in zip(pieces, before, strict=False)]
+        points = np.concatenate([piece.vertices for piece in pieces])
+        return Clothes(cloud=Dresser(self.sampler.body).bind(points, figure), faces=np.concatenate(faces))
 
 
 class Mirror:
@@ -123,14 +136,21 @@ class Mirror:
         middle = np.median(self.wardrobe.piece(name).color, axis=0)
         return self.view.color[at] - CONTRAST * (colors - middle)
 
-    def colors(self, outfit: Outfit) -> dict[str, Float64[np.ndarray, "3"] | None]:
+    def colors(self, outfit: Outfit) -> Middles:
         """The middle colours of the pieces that are seen."""
         labels = self.labels(outfit.pieces)
-        found: dict[str, Float64[np.ndarray, 3] | None] = {}
+        found: Middles = {}
         for number, name in enumerate(outfit.pieces):
-            at = (labels == number) & self.view.mask
-            found[name] = np.median(self.view.color[at], axis=0) if at.sum() >= 4 else None
+            seen = self.view.color[(labels == number) & self.view.mask]
+            if self.wardrobe.piece(name).kind == "hair":
+                seen = self.without_skin(seen)
+            found[name] = np.median(seen, axis=0) if len(seen) >= FEWEST else None
         return found
+
+    def without_skin(self, seen: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
+        """Colours of hair, between whose strands skin shows: those off the skin's, where there are enough."""
+        off = np.linalg.norm(seen - self.skin, axis=1) > SCALE
+        return seen[off] if off.sum() > SHARE * len(seen) else seen
 
 
 def resemble(
@@ -160,7 +180,7 @@ def resemble(
         sex=sex,
         outfit=outfit,
         colors=colors,
-        skin=np.median(skins, axis=0),
+        skin=np.median(skins, axis=0) if (bare := colors[SKIN]) is None else bare,
         miss=miss(whole, outfit) + miss(head, outfit),
     )
 
@@ -170,10 +190,10 @@ def miss(mirrors: Sequence[Mirror], outfit: Outfit) -> float:
     return float(np.mean([mirror.miss(outfit) for mirror in mirrors]))
 
 
-def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> dict[str, Float64[np.ndarray, "3"] | None]:
+def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> Middles:
     """The pieces' middle colours, over the pictures that show them."""
     each = [mirror.colors(outfit) for mirror in mirrors]
-    found: dict[str, Float64[np.ndarray, 3] | None] = {}
+    found: Middles = {}
     for name in outfit.pieces:
         seen = [color for colors in each if (color := colors[name]) is not None]
         found[name] = np.median(seen, axis=0) if seen else None

@@ -1,4 +1,4 @@
-"""What a photograph shows of a person, small enough to compare many clothes with, and what clothes would show.
+"""What a photograph shows of a person, small enough to compare many clothes with, and what they would show.
 
 Letters: H W pixels of the view, F faces.
 """

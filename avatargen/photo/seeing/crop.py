@@ -50,7 +50,7 @@ def upright(bottom: Float[np.ndarray, "2"], top: Float[np.ndarray, "2"], scale: 
 
 def around(places: Float[np.ndarray, "N 2"], angle: float, scale: float) -> Square:
     """The square that holds all places, as they lie in a picture turned back by `angle`, times a scale."""
-    turned = Square(x=0, y=0, side=1, angle=angle)
+    turned = Square(x=0.0, y=0.0, side=1.0, angle=angle)
     own = places @ turned.axes
     low, high = own.min(axis=0), own.max(axis=0)
     x, y = turned.axes @ ((low + high) / 2)

@@ -71,7 +71,7 @@ def overlap(one: Float64[np.ndarray, "12"], other: Float64[np.ndarray, "12"]) ->
 def find_people(network: Network, pixels: UInt8[np.ndarray, "H W 3"]) -> list[Found]:
     """Everybody in the picture, the largest first."""
     height, width = pixels.shape[:2]
-    whole = Square(x=width / 2, y=height / 2, side=max(width, height))
+    whole = Square(x=width / 2, y=height / 2, side=float(max(width, height)))
     raw, logits = sorted(network(2 * cut(pixels, whole, SIDE) - 1), key=lambda each: -each.size)
     values, scores = decode(raw.reshape(-1, 12), logits.reshape(-1))
     people = []
