@@ -55,7 +55,7 @@ def items_of(text: str, near: Callable[[str], Meaning | None]) -> list[Item]:
 
 def adjectives(items: list[Item]) -> list[Item]:
     """The items, but for guessed garments that stand before what they must be adjectives of: muddy boots."""
-    kinds = [each.kind for each in items[1:]] + ["mark"]
+    kinds = [*(each.kind for each in items[1:]), "mark"][: len(items)]
     return [
         replace(item, kind="unknown")
         if item.guessed and item.kind == "garment" and kind in DESCRIBED

@@ -37,7 +37,15 @@ HAIR = {
     "grey": ((0.42, 0.42, 0.42), (0.52, 0.52, 0.52), (0.62, 0.62, 0.62)),
     "white": ((0.84, 0.84, 0.83), (0.88, 0.88, 0.87)),
 }
-DYED = ("top", "overall", "bottom", "outer", "shoes", "hat")  # kinds whose colour can be chosen
+RANKS = {  # kinds whose colour can be chosen, and the coordinate that says how light it is
+    "top": "top",
+    "overall": "bottom",
+    "bottom": "bottom",
+    "outer": "outer",
+    "shoes": "shoe",
+    "hat": "second",
+}
+DYED = tuple(RANKS)
 PAINTED = ("eyes", "hair_color", "pattern", "pattern_color", *(f"{kind}_color" for kind in DYED))
 LIKE = 10.0  # L*a*b* from a word's shades, within which a garment keeps its own colour
 COVERING = ("top", "overall", DRESS)  # kinds, the outermost of which takes a print
@@ -50,9 +58,14 @@ def painted(
 ) -> Attributes:
     """The person with the colours, prints and eyes that are wanted, by trait."""
     worn = worn_by(person)
-    for kind in DYED:
-        if (name := wanted.get(f"{kind}_color")) is not None:
-            worn = [dyed(each, kind, str(name), draw) for each in worn]
+    names = {kind: str(wanted[f"{kind}_color"]) for kind in DYED if f"{kind}_color" in wanted}
+    for kind, name in names.items():
+        first = next(other for other in DYED if names.get(other) == name)  # a suit is of one shade
+        alike = list(names.values()).count(name) > 1
+        worn = [
+            dyed(each, name, draw.share(RANKS[first]), alike) if speaks_of(kind, each) else each
+            for each in worn
+        ]
     worn = printed(worn, wanted)
     person = wearing(person, worn)
     if "pattern" in wanted or "pattern_color" in wanted:
@@ -76,12 +89,16 @@ def printed(worn: list[Worn], wanted: Mapping[str, object]) -> list[Worn]:
     return [replace(each, printed=pattern) if i == covering[-1] else each for i, each in enumerate(worn)]
 
 
-def dyed(worn: Worn, kind: str, name: str, draw: Draw) -> Worn:
-    """A garment of the kind in the colour; any other as it is, and one that has its name already."""
-    if (worn.kind != kind and (worn.kind, kind) != (DRESS, "top")) or is_like(worn.shade, name):
+def speaks_of(kind: str, worn: Worn) -> bool:
+    """Whether a trait of a kind is of a garment; a dress takes the colour of a top."""
+    return worn.kind == kind or (worn.kind == DRESS and kind == "top")
+
+
+def dyed(worn: Worn, name: str, rank: float, alike: bool) -> Worn:
+    """A garment in a colour; one that has it already keeps its own, unless it is to be like another's."""
+    if not alike and is_like(worn.shade, name):
         return worn
-    rank = {"overall": "bottom", "shoes": "shoe", "hat": "second"}.get(kind, kind)
-    colour = shade(name, CLOTH, draw.share(rank))
+    colour = shade(name, CLOTH, rank)
     return replace(worn, colour=colour, shade=colour)
 
 
