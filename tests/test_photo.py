@@ -23,17 +23,19 @@ from avatargen.commands import main
 from avatargen.commands.export import avatar_export
 from avatargen.errors import InputError
 from avatargen.photo.camera import Pinhole
+from avatargen.photo.face_shift import face_shift
 from avatargen.photo.figure import Cloud, Figure, matrices, six_of, tensor, turns
 from avatargen.photo.models import FILES, install_models, model_path
 from avatargen.photo.outline import edge_of, matched
 from avatargen.photo.picture import Picture, read_mask, read_picture
-from avatargen.photo.pixels import evened, scene_of, show, trust
+from avatargen.photo.pixels import evened, of_one_stuff, scene_of, show, trust
 from avatargen.photo.raster import look_at
 from avatargen.photo.seeing.crop import Square, around, cut, spread_back, upright
 from avatargen.photo.seeing.detect import anchors, decode, find_people
 from avatargen.photo.seeing.matte import matte
 from avatargen.photo.seeing.pose import find_landmarks
 from avatargen.shipped import shipped
+from avatargen.wardrobe.colour_names import lab
 from tests.shapes import icosphere
 
 CAMERA = Pinhole(width=80, height=60, focal=90.0)
@@ -296,6 +298,28 @@ def test_long_ways_of_light_are_taken_away_and_patterns_stay(rng: np.random.Gene
     middle = found[10:-10, 10:-10, 0]
     assert np.ptp(middle.mean(axis=1)) < 0.2 * np.ptp(light[10:-10])
     assert middle.std(axis=1).mean() == pytest.approx(stripes[10:-10, 10:-10].std(axis=1).mean(), rel=0.15)
+
+
+def test_a_face_s_features_are_shifted_and_what_is_far_stays(rng: np.random.Generator) -> None:
+    built = rng.uniform(40, 80, (468, 2))
+    shift = face_shift(built, built + np.array([3.0, -2.0]))
+    assert shift is not None
+    places = np.array([[60.0, 60.0], [200.0, 60.0]])
+    assert np.allclose(shift.at(places), [[3, -2], [0, 0]], atol=1e-9)
+    cover = shift.cover(150, 150)
+    assert cover[58, 63] > 0.99 and cover[140, 140] == 0
+    assert face_shift(built, built + np.array([60.0, 0.0])) is None and face_shift(None, built) is None
+
+
+def test_a_hand_before_a_shirt_is_not_trusted_and_a_print_is() -> None:
+    shirt, skin = np.array([0.8, 0.2, 0.2]), np.array([0.75, 0.55, 0.45])
+    own = np.broadcast_to(shirt, (60, 60, 3)).copy()
+    photograph = own.copy()
+    photograph[10:25, 10:25], photograph[35:50, 35:50] = skin, (0.1, 0.8, 0.2)
+    found = of_one_stuff(
+        np.rint(255 * photograph).astype(np.uint8), own, lab(np.stack([skin, shirt])), np.ones((60, 60)), 60.0
+    )
+    assert (found[12:23, 12:23] == 0).all() and (found[33:52, 33:52] == 1).all() and found[55, 5] == 1
 
 
 # files of networks, and the command

@@ -18,8 +18,9 @@ from avatargen.errors import InputError
 from avatargen.export.photographs import find_person
 from avatargen.photo.camera import Pinhole
 from avatargen.photo.figure import tensor
-from avatargen.photo.fit import Fit, Fitter, check_whole
+from avatargen.photo.fit import Fitter, check_whole
 from avatargen.photo.picture import Picture
+from avatargen.photo.problem import Fit
 from avatargen.photo.raster import look_at
 from avatargen.photo.resembling.pieces import Dresser
 from avatargen.photo.resembling.resemble import Outfit, Wardrobe

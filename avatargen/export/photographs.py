@@ -20,9 +20,10 @@ from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
 from avatargen.export.request import ExportRequest
 from avatargen.photo.face_shift import face_shift
-from avatargen.photo.fit import Fit, Fitter, check_whole
+from avatargen.photo.fit import Fitter, check_whole
 from avatargen.photo.picture import read_mask, read_picture
 from avatargen.photo.pixels import Shown, evened, of_one_stuff, scene_of, show, trust
+from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.person import attributes_of, avatar_of
 from avatargen.photo.resembling.pieces import Dresser
 from avatargen.photo.resembling.resemble import SKIN, Resemblance, Wardrobe, resemble
@@ -203,7 +204,10 @@ def shown_by(
     stuffs = np.stack([found.resemblance.skin, *found.seen_colors])
     built = np.where(at[..., None], np.rint(255 * own), pixels).astype(np.uint8)
     shift = None if face is None else face_shift(find_face(face, built, sighting.pixels), sighting.face)
-    trusted = of_one_stuff(pixels, own, stuffs, trusted, tall)
+    alike = of_one_stuff(pixels, own, stuffs, trusted, tall)
+    if shift is not None:  # glasses and beards are no other stuff
+        alike = np.maximum(alike, trusted * shift.cover(*trusted.shape))
+    trusted = alike
     photograph = evened(pixels, own, trusted, tall)
     return show(scene, texels.face[asked], texels.barycentric(asked), photograph, trusted, shift)
 

@@ -3,7 +3,7 @@
 The face network looks at the photograph and at the person as built, in the photograph's camera. Its landmarks
 are the same places of both faces; between them their ways are averaged, and beside the face they fade out.
 
-Letters: M landmarks, T places.
+Letters: M landmarks, T places, H W pixels.
 """
 
 from dataclasses import dataclass
@@ -36,9 +36,26 @@ class FaceShift:
         soft = np.maximum(apart[:, -1:] / 2, 1e-6)
         weights = np.exp(-((apart / soft) ** 2))
         ways = np.einsum("tk,tkd->td", weights, self.ways[rows]) / weights.sum(axis=1, keepdims=True)
-        share = (apart[:, 0] / self.size - FADING[0]) / (FADING[1] - FADING[0])
-        left = 1 - np.clip(share, 0, 1)
-        found[near] = ways * (left * left * (3 - 2 * left))[:, None]
+        found[near] = ways * self.fading(apart[:, 0])[:, None]
+        return found
+
+    def fading(self, apart: Float64[np.ndarray, " T"]) -> Float64[np.ndarray, " T"]:
+        """1 at the face's landmarks, less and less beside it, by pixels from the nearest one."""
+        left = 1 - np.clip((apart / self.size - FADING[0]) / (FADING[1] - FADING[0]), 0, 1)
+        return left * left * (3 - 2 * left)
+
+    def cover(self, height: int, width: int) -> Float64[np.ndarray, "H W"]:
+        """Where the photograph has the face, 0..1."""
+        found = np.zeros((height, width))
+        places = self.places + self.ways
+        margin = FADING[1] * self.size
+        low = np.maximum(np.floor(places.min(axis=0) - margin), 0).astype(int)
+        high = np.minimum(np.ceil(places.max(axis=0) + margin), [width, height]).astype(int)
+        if (high <= low).any():
+            return found
+        y, x = np.mgrid[low[1] : high[1], low[0] : high[0]]
+        apart, _ = KDTree(places).query(np.stack([x, y], axis=-1).reshape(-1, 2) + 0.5)
+        found[low[1] : high[1], low[0] : high[0]] = self.fading(apart).reshape(x.shape)
         return found
 
 

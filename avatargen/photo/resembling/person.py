@@ -7,7 +7,7 @@ from avatargen import __version__
 from avatargen.avatar import Avatar
 from avatargen.avatar_info import AvatarInfo
 from avatargen.dressed_avatar import DressedSampler
-from avatargen.photo.fit import Fit
+from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.resemble import Resemblance
 from avatargen.wardrobe.appearance import Rgb, rgb_of
 from avatargen.wardrobe.makehuman.choose import BROWS, TONES, Attributes, skin_names

@@ -15,7 +15,7 @@ from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.body.skinning import skin, unskin
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.photo.figure import Cloud, Figure, tensor
-from avatargen.photo.fit import Fit
+from avatargen.photo.problem import Fit
 from avatargen.wardrobe.colour_names import lab
 
 CELL = 0.012  # m

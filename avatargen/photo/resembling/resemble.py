@@ -17,8 +17,8 @@ from jaxtyping import Float64, Int64
 
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.photo.figure import Figure
-from avatargen.photo.fit import Fit
 from avatargen.photo.outline import Clothes
+from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.outfits import Choices, choices_for, has_overall
 from avatargen.photo.resembling.pieces import Dresser, Piece, body_piece, piece_of
 from avatargen.photo.resembling.view import FAR, Layer, View, draw_layer, view_of
