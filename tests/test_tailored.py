@@ -7,7 +7,7 @@ import torch
 
 from avatargen.wardrobe.makehuman.choose import Draw, choose, draw_latent
 from avatargen.wardrobe.makehuman.outfit import TAILORED, outfit_of
-from avatargen.wardrobe.makehuman.solid import Solid, boundary_loops
+from avatargen.wardrobe.makehuman.solid import Solid, boundary_loops, lid
 from avatargen.wardrobe.makehuman.words import GARMENTS
 from avatargen.wardrobe.tailored import cuts
 from avatargen.wardrobe.tailored.collection import PATTERNS, made
@@ -137,6 +137,16 @@ def test_sides_are_told_as_winding_numbers_tell_them(garment):
     points = np.concatenate([rng.uniform(low, high, size=(3000, 3)), near])
     squared, face, corners = solid.closed_tree.query(points)
     assert np.array_equal(solid.inside(points, np.sqrt(squared), face, corners), solid.wound(points))
+
+
+@pytest.mark.parametrize("middle", [0.15, 0.0])
+def test_the_lid_of_an_arm_hole_lies_in_its_plane_and_others_on_an_upright_line(middle):
+    angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    edge = np.stack([middle - 0.02 * np.sin(angle), 0.07 * np.sin(angle), 0.06 * np.cos(angle)], axis=1)
+    found = lid(edge)
+    assert np.abs(found[:, 1] - edge[:, 1]).max() == 0
+    lean = 0.02 / 0.07 if middle else 0.0
+    assert np.abs(found[:, 0] - middle + lean * edge[:, 1]).max() < 1e-9
 
 
 def test_every_pattern_is_named_and_worn_by_itself():
