@@ -6,6 +6,7 @@ import sys
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(5)
 
 
-def saved(path: Path, image: Image.Image, **more: object) -> Path:
+def saved(path: Path, image: Image.Image, **more: Any) -> Path:
     image.save(path, **more)
     return path
 

@@ -10,6 +10,7 @@ how tall somebody is, so the height is given, or that of the usual person.
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import torch
 
 from avatargen.body.model import Body
@@ -70,7 +71,7 @@ class Fitter:
 def check_whole(sighting: Sighting) -> None:
     """Raises InputError where shoulders, hips or legs are outside the picture."""
     width, height = sighting.picture.size
-    inside = ((sighting.pixels >= 0) & (sighting.pixels <= [width, height])).all(axis=1)
+    inside = np.all((sighting.pixels >= 0) & (sighting.pixels <= [width, height]), axis=1)
     parts = [name for name in NAMES if name.split("_")[-1] in ("shoulder", "hip", "knee", "ankle")]
     missing = [name.replace("_", " ") for name in parts if not inside[NAMES.index(name)]]
     if missing:

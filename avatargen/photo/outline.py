@@ -87,10 +87,10 @@ class Outline:
 
 def edge_of(mask: Bool[np.ndarray, "H W"]) -> Edge:
     """The outermost pixels of a mask, but for those at the picture's rim."""
-    inner = binary_erosion(mask, border_value=1)
+    inner = np.asarray(binary_erosion(mask, border_value=1), dtype=bool)
     row, column = np.nonzero(mask & ~inner)
-    soft = gaussian_filter(mask.astype(np.float64), SOFT)
-    down, right = np.gradient(soft)
+    soft = np.asarray(gaussian_filter(mask.astype(np.float64), SOFT))
+    down, right = np.gradient(soft, axis=0), np.gradient(soft, axis=1)
     outward = -np.stack([right[row, column], down[row, column]], axis=1)
     outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
     return Edge(pixels=np.stack([column, row], axis=1), outward=outward)

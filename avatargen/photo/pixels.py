@@ -88,7 +88,7 @@ def trust(seen: Seen, mask: Float32[np.ndarray, "H W"], height: float) -> Float6
             along[axis] = part
             steps[tuple(along)] |= jump
     within = (mask > 0.8) & seen.mask & ~steps
-    return smooth(distance_transform_edt(within), 1.0, 1.0 + max(BORDER * height, 2.0))
+    return smooth(np.asarray(distance_transform_edt(within)), 1.0, 1.0 + max(BORDER * height, 2.0))
 
 
 def of_one_stuff(
@@ -107,10 +107,10 @@ def of_one_stuff(
     own_stuff = np.linalg.norm(ours[:, None] - colors[None], axis=2).argmin(axis=1)
     to_stuffs[np.arange(len(picture)), own_stuff] = np.inf
     other = (apart > DIFFERENT) & (to_stuffs.min(axis=1) < NEARER * apart)
-    other = binary_opening(other.reshape(trusted.shape)) & (trusted > 0)
+    other = np.asarray(binary_opening(other.reshape(trusted.shape)), dtype=bool) & (trusted > 0)
     if not other.any():
         return trusted
-    return trusted * smooth(distance_transform_edt(~other), 1.0, 1.0 + max(BORDER * height, 2.0))
+    return trusted * smooth(np.asarray(distance_transform_edt(~other)), 1.0, 1.0 + max(BORDER * height, 2.0))
 
 
 def smooth(values: np.ndarray, low: float, high: float) -> np.ndarray:

@@ -1,6 +1,7 @@
 """From what was found in a photograph to a person of the generator: attributes and an avatar."""
 
 import numpy as np
+import torch
 from jaxtyping import Float
 
 from avatargen import __version__
@@ -10,7 +11,8 @@ from avatargen.dressed_avatar import DressedSampler
 from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.resemble import Resemblance
 from avatargen.wardrobe.appearance import Rgb, rgb_of
-from avatargen.wardrobe.makehuman.choose import BROWS, TONES, Attributes, skin_names
+from avatargen.wardrobe.makehuman.choose import FULL_SIZE, TONES, Attributes, Draw, face_lines, skin_names
+from avatargen.wardrobe.makehuman.hairs import hair_worn
 
 HAIR, IRIS = (0.16, 0.11, 0.08), "brown"  # where nobody can see them
 SHARES = np.linspace(0, 1, 41)  # of a dark skin in a mixture
@@ -26,7 +28,7 @@ def attributes_of(sampler: DressedSampler, found: Resemblance, age: str) -> Attr
     shades = [items[n].own_color if c is None else c for n, c in zip(outfit.garments, colours, strict=True)]
     hair = found.colors.get(outfit.hair) if outfit.hair else None
     names, mix, tint = skin_of(sampler, found, age)
-    brows = [name for name in skin.brows if name in BROWS[found.sex]] or list(skin.brows)
+    usual, woman = Draw(torch.zeros(1, FULL_SIZE)), found.sex == "woman"  # of what the picture does not say
     return Attributes(
         sex=found.sex,
         age=age,
@@ -35,10 +37,11 @@ def attributes_of(sampler: DressedSampler, found: Resemblance, age: str) -> Attr
         skin_mix=mix,
         skin_tint=tint,
         eyes=IRIS if IRIS in skin.irises else skin.irises[0],
-        brows=min(brows, default=""),
-        lashes=min(skin.lashes, default=""),
+        face=face_lines(usual, woman),
         hair=outfit.hair,
         hair_colour=HAIR if hair is None else rgb(hair),
+        hair_worn=hair_worn(usual.share, woman, usual.share("age")),
+        beard="none",
         garments=outfit.garments,
         colours=colours,
         kinds=kinds,

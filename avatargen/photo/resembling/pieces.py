@@ -5,6 +5,7 @@ nearest point does. Letters: N vertices, V those of the body, F faces, J joints,
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import igl
 import numpy as np
@@ -51,7 +52,9 @@ def piece_of(sampler: DressedSampler, name: str) -> Piece:
     # igl numbers nodes with x fastest
     grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).transpose(2, 1, 0, 3).reshape(-1, 3)
     distance, _ = volume.read(grid.astype(np.float32))
-    vertices, faces = igl.marching_cubes(distance.astype(np.float64), grid, *map(int, counts), 0.0)[:2]
+    columns, rows, layers = (int(count) for count in counts)
+    cubes: Any = igl.marching_cubes  # whose types leave the level out
+    vertices, faces = cubes(distance.astype(np.float64), grid, columns, rows, layers, 0.0)[:2]
     vertices = vertices.astype(np.float32)
     own = volume.colors(vertices)[:, :3]
     rgb = own if own.shape[1] == 3 else own * SHADE

@@ -4,6 +4,8 @@
 Letters: H W pixels.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 from PIL import Image
@@ -52,7 +54,7 @@ def solve(
     """The matte of a small picture. Only the largest piece counts."""
     band = max(round(BAND * len(pixels)), 1)
     sure = largest(binary_erosion(likely > SURE, iterations=band))
-    possible = binary_dilation(largest(likely > SURELY_NOT), iterations=band)
+    possible = np.asarray(binary_dilation(largest(likely > SURELY_NOT), iterations=band), dtype=bool)
     unknown = possible & ~sure
     if not (sure.any() and (~possible).any() and unknown.any()):
         return likely
@@ -61,7 +63,7 @@ def solve(
     rows = matting[free]
     right = -rows[:, known] @ sure.reshape(-1)[known].astype(np.float64)
     alpha = sure.reshape(-1).astype(np.float64)
-    alpha[free] = spsolve((rows[:, free] + WEAK * identity(len(free))).tocsc(), right)
+    alpha[free] = np.asarray(spsolve((rows[:, free] + WEAK * identity(len(free))).tocsc(), right))
     return alpha.reshape(sure.shape).clip(0, 1).astype(np.float32)
 
 
@@ -84,7 +86,8 @@ def laplacian(pixels: Float64[np.ndarray, "H W 3"], unknown: Bool[np.ndarray, "H
 
 def largest(mask: np.ndarray) -> np.ndarray:
     """The mask's largest piece."""
-    pieces, count = label(mask)
+    labelled: Any = label(mask)
+    pieces, count = labelled
     if count < 2:
         return mask
     sizes = np.bincount(pieces.reshape(-1))

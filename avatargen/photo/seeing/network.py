@@ -21,7 +21,10 @@ class FileNetwork:
 
     def __init__(self, path: Path) -> None:
         require_extra("ai_edge_litert")
-        from ai_edge_litert.interpreter import Interpreter, OpResolverType
+        from ai_edge_litert.interpreter import (  # pyright: ignore[reportMissingImports]
+            Interpreter,
+            OpResolverType,
+        )
 
         # its delegate is faster, and says so on standard error
         plain = OpResolverType.BUILTIN_WITHOUT_DEFAULT_DELEGATES
