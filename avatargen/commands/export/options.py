@@ -51,7 +51,7 @@ examples:
   avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
   avatar-export --text "an old man in a grey suit and brown shoes" --format glb
   avatar-export --seed 3 --parts separate --out dressed.glb
-  avatar-export --seed 3 --wear 8:top,outer --wear 5:shoes
+  avatar-export --seed 3 --wear 33:top,outer --wear 5:shoes
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
   avatar-export --photo me.jpg --height 1.75m --clip walk
   avatar-export --seed 3 --scene print
