@@ -88,7 +88,7 @@ def test_only_what_decides_moves_and_a_second_time_nothing(name: str, value: str
 
 
 def test_a_beard_that_the_coding_does_not_have_is_refused():
-    with pytest.raises(InputError, match="beard goatee: these weights have none, stubble, moustache, full"):
+    with pytest.raises(InputError, match="beard goatee: these weights do not say"):
         condition(drawn(5), Traits(beard="goatee"))
 
 

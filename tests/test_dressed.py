@@ -312,4 +312,7 @@ def test_the_people_have_every_trait_that_is_said_to_be_shown(people, name):
 def test_everything_there_is_to_wear_is_worn_by_somebody(people):
     facts = [people.choose(Draw(draw_latent(seed))) for seed in range(600)]
     worn = {name for person in facts for name in (*person.garments, person.hair)}
-    assert worn - {None} == {each.name for each in people.config.garments}
+    dips = {
+        "female_elegantsuit01-bottom"
+    }  # at the hem: tailored skirts, which hang level, are drawn in its place
+    assert worn - {None} == {each.name for each in people.config.garments} - dips

@@ -360,7 +360,7 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     add(
         "--pose",
         metavar="x|t|a|photo|FILE.npz",
-        help="rest pose of the skeleton; photo: as in the first --photo; vrm wants t (default: a)",
+        help="rest pose; photo: that of the first photograph; vrm wants t (default: a)",
     )
     add(
         "--joints",

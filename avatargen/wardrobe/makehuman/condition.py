@@ -86,9 +86,8 @@ def condition(
     for name, coordinates in SAYING.items():
         value = words.get(name) if name in WORN else wanted.get(name)
         if value is not None:
-            few = {
-                each.name: each for each in items.values() if each.kind == name
-            }  # what else is worn is as ever
+            # what else is worn is as ever, but a coat goes over some things alone
+            few = {n: each for n, each in items.items() if name in (each.kind, "outer")}
             z = drawn_until(z, coordinates, name, str(value), partial(chosen_of, wardrobe, few), random)
     person = wardrobe.choose(Draw(z), items)
     person = lent(person, z, words, own, wardrobe)
