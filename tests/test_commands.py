@@ -70,7 +70,7 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["-seed", "3"], "found -seed, which is no option; did you mean --seed?"),
         (
             ["3", "--textur=64"],
-            "found --textur, which is no option; did you mean --texture-from or --texture or --texture-format?",
+            "found --textur, which is no option; did you mean --texture-from or --texture or",
         ),
         (["3", "--color", "red"], "did you mean --hair-color or --hat-color or --top-color?"),
         (["3", "--xyzzy"], "found --xyzzy, which is no option; see avatar-export --help"),
