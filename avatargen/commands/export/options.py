@@ -190,7 +190,7 @@ def add_trait_options(group: _ArgumentGroup) -> None:
     group.add_argument(
         "--text",
         metavar="LINE",
-        help="a person in plain words; --seed varies who it is (default: 0), and traits beside it win",
+        help="a person in plain words; --seed (0 where none is given) varies who it is; traits beside it win",
     )
     for name in (each.name for each in fields(Traits) if each.name != HEIGHT):
         values, here = values_of(name), SHOWN.get(name, ())
