@@ -334,6 +334,7 @@ def test_help_and_the_page_of_options_tell_the_defaults() -> None:
     words = {"content", "format", "out", "normal_map", "jobs", "wardrobe"}  # whose default is no value
     usual = {each.name: value for each, value in settings(parse(ONE))}
     usual |= {"texture_format": usual["pictures"], "compress": "none", "ambient_occlusion": "0"}
+    usual["mask"] = "found by the networks"
     told = {each.dest: cli_page.default_of(each) for each in OPTIONS if cli_page.default_of(each)}
     assert words <= set(told)
     for dest in set(told) - words:
