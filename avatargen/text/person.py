@@ -58,7 +58,10 @@ def drawn(
     chosen = {} if traits is None else traits.given()
     own = facts_of(sampler.sample(seed, traits=traits)) if change else None
     told = understand(text, offered_by(sampler), own)
-    avatar = sampler.sample(seed, traits=traits_of({**told.traits.given(), **chosen}), wear=wear)
+    given = {**told.traits.given(), **chosen}
+    if own is not None and isinstance(sampler, Having):
+        given = {"gender": own["gender"]} | given  # a skirt alone changes nobody's sex
+    avatar = sampler.sample(seed, traits=traits_of(given), wear=wear)
     said = [("text", text), ("understood", told.understood), ("left_out", "; ".join(told.left_out))]
     info = replace(avatar.info, said=tuple((name, words) for name, words in said if words))
     return replace(avatar, info=info)

@@ -45,8 +45,11 @@ def left(
     }
     coat = wants_coat(items, wanted, own)
     kept = {name: each for name, each in items.items() if name in beneath or goes(each, wanted, coat=coat)}
+    others = [n for n, each in kept.items() if each.kind == "outer" and sewn(each) and n not in own.garments]
+    kept = kept if coat else {n: each for n, each in kept.items() if n not in others}
     for kinds in WITH_COAT if coat else SLOTS:
         options = [n for n, each in kept.items() if each.kind in kinds and n not in beneath]
+        options = options if coat else [n for n in options if kept[n].kind != "outer" or not sewn(kept[n])]
         mine = [n for n in options if n in own.garments or n == own.hair]
         if mine and (sex == own.sex or kinds == ("shoes",)):
             kept = {n: each for n, each in kept.items() if n in mine or n not in options}

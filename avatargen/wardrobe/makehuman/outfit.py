@@ -94,7 +94,8 @@ class Wearable:
         over = {outfit_of(each) for each in self.all if each.kind in ("outer", "overall")}
         tops = [each for each in self.of("top") if outfit_of(each) not in over]
         overalls = [] if self.woman else list(self.of("overall"))
-        return tuple(sorted([*tops, *outer, *overalls], key=lambda each: each.name))
+        others = [each for each in self.of("outer") if TAILORED not in each.tags]  # where nothing suits
+        return tuple(sorted([*tops, *outer, *overalls] or others, key=lambda each: each.name))
 
 
 def worn_by(draw: Shares, garments: Mapping[str, Item], woman: bool) -> list[Item]:
