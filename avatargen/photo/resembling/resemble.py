@@ -147,7 +147,7 @@ class Mirror:
             found[name] = np.median(seen, axis=0) if len(seen) >= FEWEST else None
         return found
 
-    def without_skin(self, seen: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
+    def without_skin(self, seen: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "_ 3"]:
         """Colours of hair, between whose strands skin shows: those off the skin's, where there are enough."""
         off = np.linalg.norm(seen - self.skin, axis=1) > SCALE
         return seen[off] if off.sum() > SHARE * len(seen) else seen
