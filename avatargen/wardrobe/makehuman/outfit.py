@@ -122,7 +122,7 @@ def clothes_of(draw: Shares, wearable: Wearable, woman: bool) -> list[Item]:
         skirts = tuple(each for each in skirts if TAILORED in each.tags) or skirts  # these hang level
         short = () if upper is None or word(upper) != "suit" else ("shorts",)  # no shorts under a jacket
         legs = tuple(each for each in bottoms if word(each) not in ("skirt", *short))
-        if among := (skirts if style < SKIRTS else legs) or bottoms:
+        if among := (skirts if style < SKIRTS else legs) or skirts or bottoms:
             clothes.append(draw.one_of("bottom_item", among))
     if upper is None:
         return clothes
