@@ -5,7 +5,7 @@ A seed's latent is read as the artist-made wardrobe reads it, so a seed is the s
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -135,16 +135,12 @@ class DressedSampler:
         skin = self.config.skin
         return choose(draw, self.items if items is None else items, list(skin.skins), list(skin.irises))
 
-    def stock(self) -> Mapping[str, Item]:
-        """What there is to choose among."""
-        return self.items
-
     @property
     def irises(self) -> tuple[str, ...]:
         """Colours of eyes."""
         return tuple(self.config.skin.irises)
 
-    @cached_property
+    @property
     def items(self) -> Mapping[str, Item]:
         """What there is to choose among."""
         return {each.name: each for each in self.config.garments}

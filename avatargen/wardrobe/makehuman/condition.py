@@ -47,7 +47,8 @@ SEED = 17  # of what is drawn again
 class Wardrobe(Protocol):
     """What people choose from."""
 
-    def stock(self) -> Mapping[str, Item]:
+    @property
+    def items(self) -> Mapping[str, Item]:
         """What there is to choose among, by name."""
         ...
 
@@ -79,9 +80,9 @@ def condition(
             words = {name: SOMETHING} | words
     if "pattern" in wanted or "pattern_color" in wanted:
         words = {"top": SOMETHING} | words
-    sex = str(wanted.get("gender", sex_that_wears(words, wardrobe.stock(), own.sex)))
+    sex = str(wanted.get("gender", sex_that_wears(words, wardrobe.items, own.sex)))
     wanted = {"gender": sex} | wanted
-    items = left(wardrobe.stock(), words, own, sex)
+    items = left(wardrobe.items, words, own, sex)
     random = torch.Generator().manual_seed(SEED)
     for name, coordinates in SAYING.items():
         value = words.get(name) if name in WORN else wanted.get(name)
@@ -183,13 +184,13 @@ def lent(
     facts, outer, top = person.facts(), words.get("outer", "none"), words.get("top", SOMETHING)
     if outer != "none" and top not in ("none", SOMETHING, facts["top"]):
         without = {name: word for name, word in words.items() if name != "outer"}
-        other = wardrobe.choose(Draw(z), left(wardrobe.stock(), without, own, person.sex))
+        other = wardrobe.choose(Draw(z), left(wardrobe.items, without, own, person.sex))
         return exchanged(person, other, ("top",))
     if words.get("overall", "none") != "none" and facts["overall"] == "none":
         turned = z.clone()
         turned[0, coordinate("woman")] *= -1
         sex = {"woman": "man", "man": "woman"}[person.sex]
-        other = wardrobe.choose(Draw(turned), left(wardrobe.stock(), words, own, sex))
+        other = wardrobe.choose(Draw(turned), left(wardrobe.items, words, own, sex))
         return exchanged(person, other, ("bottom", "top", "overall"))
     return person
 
