@@ -33,6 +33,7 @@ from avatargen.generator.dressed.skin import ReadySkin, ready_skin
 from avatargen.shipped import shipped
 from avatargen.wardrobe.appearance import Dye
 from avatargen.wardrobe.choosing import Traits, traits_of
+from avatargen.wardrobe.cloth_grain import Grain, grain_of
 from avatargen.wardrobe.dressed import DressedField
 from avatargen.wardrobe.makehuman.choose import DRESS, Attributes, Draw, Item, choose, draw_latent
 from avatargen.wardrobe.makehuman.condition import condition
@@ -57,6 +58,7 @@ class DressedSampler:
     offset: Float32[np.ndarray, "3"]
     ready: Callable[[str], ReadyGarment]  # made ready when somebody first wears it
     skin: ReadySkin
+    grain: Grain  # along which cloth is printed
     bounds: Float32[np.ndarray, "2 3"]
     sizing: Sizing | None  # statures of the body's shapes; None where these mean other things
     weights_hash: str
@@ -156,6 +158,7 @@ class DressedSampler:
                     kind=kind,
                     ink=person.print_colour,
                     width=person.print_width,
+                    grain=self.grain,
                 ),
             )
             for name, colour, kind in zip(person.garments, person.colours, person.prints, strict=True)
@@ -206,8 +209,9 @@ def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = N
         fitted=trained,
         own_body=own_body,
         offset=offset,
-        ready=cache(lambda name: ready_garment(checkpoint.garment(name), trained.faces)),
+        ready=cache(lambda name: ready_garment(checkpoint.garment(name))),
         skin=ready_skin(checkpoint.skin(), config.skin, trained, load_hm08()),
+        grain=grain_of(trained),
         bounds=np.stack([low, high]).astype(np.float32),
         sizing=Sizing(source) if own_body else None,
         weights_hash=checkpoint.weights_hash,

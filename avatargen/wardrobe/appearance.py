@@ -7,11 +7,11 @@ Letters: N points. sRGB 0..1.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
+from avatargen.wardrobe.cloth_grain import Grain
 from avatargen.wardrobe.colour_names import lab
 
 TRIM = 0.7  # of an artist's contrast of hue that stays under a dye of a clear colour
@@ -21,22 +21,11 @@ INK = 0.9  # how much of the cloth's colour a print covers
 Rgb = tuple[float, float, float]
 
 
-@runtime_checkable
-class Appearance(Protocol):
-    """Colours on one person from the artist's own."""
-
-    def color(
-        self, own: Float[np.ndarray, "N c"], places: Float[np.ndarray, "N 2"]
-    ) -> Float[np.ndarray, "N 3"]:
-        """`own` is the artist's colour and, where trim keeps its own, how far a dye takes; `places` the
-        places along and across the cloth, m."""
-        ...
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Dye:
-    """Of cloth. `middle` is the median of the artist's colours (CIELAB), `dye` the one asked for; without one
-    they stay. `kind` is plain, across, down or checks; `width` metres of a stripe.
+    """What becomes of an artist's colours on one person. `middle` is their median (CIELAB), `dye` the one
+    asked for; without one they stay. `kind` is plain, across, down or checks, along `grain`; `width` metres
+    of a stripe.
     """
 
     middle: tuple[float, float, float]
@@ -44,18 +33,23 @@ class Dye:
     kind: str
     ink: Rgb
     width: float
+    grain: Grain
 
     def color(
-        self, own: Float[np.ndarray, "N c"], places: Float[np.ndarray, "N 2"]
+        self, own: Float[np.ndarray, "N c"], points: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
+        """`own` is the artist's colour at canonical points (m) and, where trim keeps its own, how far a dye
+        takes."""
         colour = own[:, :3]
+        takes = own[:, 3:].clip(0, 1) if own.shape[1] > 3 else np.float32(1)
         if self.dye is not None:
-            takes = own[:, 3:].clip(0, 1) if own.shape[1] > 3 else np.float32(1)
             colour = colour + (dyed(colour, self.middle, self.dye) - colour) * takes
         if self.kind == "plain":
             return colour
         usual = rgb_of(np.array(self.middle)[None])[0] if self.dye is None else np.array(self.dye)
-        return printed(colour, places, self.kind, self.ink, self.width, float(usual.mean()))
+        places = self.grain.places(points)
+        new = printed(colour, places, self.kind, self.ink, self.width, float(usual.mean()))
+        return colour + (new - colour) * takes
 
 
 def dyed(own: Float[np.ndarray, "N 3"], middle: tuple[float, float, float], dye: Rgb) -> np.ndarray:

@@ -67,7 +67,6 @@ class GarmentConfig:
     kind: str
     tags: tuple[str, ...]
     volume: VolumeConfig
-    places: TableConfig  # along and across the cloth, m
     middle: tuple[float, float, float]
     opening: tuple[float, ...] | None = None  # of a hat: a point of the plane of its edge (m), its normal
 

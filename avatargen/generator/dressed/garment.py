@@ -1,20 +1,19 @@
 """A trained garment as a layer that one person wears, dyed and printed.
 
-Letters: N points, M of them asked, V body vertices, F its faces. Metres.
+Letters: N points, M of them asked, V body vertices. Metres.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int64
+from jaxtyping import Bool, Float32
 
 from avatargen.body.distance import BodyHit
 from avatargen.generator.dressed.config import GarmentConfig
 from avatargen.generator.dressed.generator import LearnedGarment
-from avatargen.generator.dressed.tables import Surface
 from avatargen.generator.dressed.volume import Bricks
-from avatargen.wardrobe.appearance import Appearance
-from avatargen.wardrobe.dressed import Cloth, Opening, chosen
+from avatargen.wardrobe.appearance import Dye
+from avatargen.wardrobe.dressed import Cloth, Opening
 
 PAINTED = 0.02  # m from a garment beyond which it has no colour
 
@@ -25,7 +24,6 @@ class ReadyGarment:
 
     config: GarmentConfig
     volume: Bricks
-    places: Surface
     hidden: Bool[np.ndarray, " V"]
 
 
@@ -34,7 +32,7 @@ class WornGarment:
     """A garment as one person has it."""
 
     ready: ReadyGarment
-    appearance: Appearance
+    appearance: Dye
 
     @property
     def kind(self) -> str:
@@ -58,8 +56,7 @@ class WornGarment:
         colour = np.full((len(points), 3), 0.5, np.float32)
         near = np.flatnonzero(distance < PAINTED) if coloured else np.zeros(0, np.int64)
         if len(near):
-            places = self.ready.places.at(chosen(hit, near))
-            colour[near] = self.appearance.color(volume.colors(points[near]), places)
+            colour[near] = self.appearance.color(volume.colors(points[near]), points[near])
         return Cloth(distance=distance, rim=rim, color=colour)
 
 
@@ -79,11 +76,10 @@ class LearnedHair:
         return self.ready.volume.colors(points)[:, 0]
 
 
-def ready_garment(learned: LearnedGarment, faces: Int64[np.ndarray, "F 3"]) -> ReadyGarment:
+def ready_garment(learned: LearnedGarment) -> ReadyGarment:
     """The arrays of a trained garment."""
     return ReadyGarment(
         config=learned.config,
         volume=learned.volume.read(),
-        places=learned.places.read(faces, learned.covered.numpy().astype(bool)),
         hidden=learned.hidden.numpy().astype(bool),
     )

@@ -1,4 +1,4 @@
-"""Parts of the generator of dressed people: a volume and a table for each garment, tables for the skin.
+"""Parts of the generator of dressed people: a volume for each garment, tables for the skin.
 
     z --choices--> skins, irises, garments, colours   of one person
     points --bounds--> the garments that can be near them --> distance and colour, laid one over another
@@ -15,18 +15,14 @@ from avatargen.generator.dressed.volume import Volume
 
 
 class LearnedGarment(nn.Module):
-    """A garment's volume, places on the cloth on the body's faces that it covers, and the body's vertices
-    that it hides."""
+    """A garment's volume, and the body's vertices that it hides."""
 
-    covered: Tensor
     hidden: Tensor
 
     def __init__(self, config: GarmentConfig, whole: DressedConfig) -> None:
         super().__init__()
         self.config = config
         self.volume = Volume(config.volume)
-        self.places = Table(config.places)
-        self.register_buffer("covered", torch.zeros(whole.face_count, dtype=torch.uint8))
         self.register_buffer("hidden", torch.zeros(whole.vertex_count, dtype=torch.uint8))
 
 

@@ -10,24 +10,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int64
 from scipy.spatial import KDTree
-from torch import Tensor
 
-from avatargen.body.model import CanonicalBody
-from avatargen.generator.dressed.config import GarmentConfig, TableConfig, VolumeConfig
-from avatargen.generator.dressed.lattice import lattice
+from avatargen.generator.dressed.config import GarmentConfig, VolumeConfig
 from avatargen.generator.dressed.volume import RIM, SIDE, Volume
-from avatargen.training.dressed.painting import fit_nodes, fitted
+from avatargen.training.dressed.painting import fit_nodes
 from avatargen.wardrobe.makehuman.outfit import TAILORED
 from avatargen.wardrobe.makehuman.truth import Truth, about
 
 MARGIN = 0.05  # m of the grid around a garment
 ROUNDS = 5  # of conjugate gradients for colours: more make colours of the rainbow where texels jump
-SEGMENTS = 3  # of a face of the body under the table of places
 PER_CELL = 4  # points of the surface for each cell that it crosses
-PER_FACE = 30  # points of the cloth for each face of the body under it
 FADED = 1.5  # cells from the surface beyond which a node's colour is hardly seen
 HELD_OUT = 20_000  # points that say how well it went
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
@@ -59,8 +53,6 @@ class Learned:
 
     config: GarmentConfig
     volume: Volume
-    places: Float[Tensor, "n 2"]
-    covered: Bool[np.ndarray, " F"]
     errors: dict[str, float]
 
 
@@ -210,44 +202,15 @@ def calm(color: Float64[np.ndarray, "V C"], far: Bool[np.ndarray, " V"]) -> Floa
     return np.where(away, mean, blocks).reshape(color.shape)
 
 
-def covered_faces(seen: Int64[np.ndarray, " n"], faces: Int64[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
-    """Faces of the body that were seen, and those around them."""
-    covered = np.zeros(len(faces), dtype=bool)
-    covered[seen] = True
-    for _ in range(2):
-        touched = np.zeros(int(faces.max()) + 1, dtype=bool)
-        touched[faces[covered]] = True
-        covered = touched[faces].any(axis=1)
-    return np.asarray(covered)
-
-
-def learn_places(
-    truth: Truth, body: CanonicalBody, rng: np.random.Generator
-) -> tuple[Bool[np.ndarray, " F"], TableConfig, Float[Tensor, "n 2"]]:
-    """The body's faces under a garment, and places on the cloth over them."""
-    points, places = truth.surface(HELD_OUT, rng)
-    covered = covered_faces(body.distance.query(points.astype(np.float32)).face, body.faces)
-    if not places.any():  # it has none
-        covered[:] = False
-        return covered, TableConfig(segments=1, numbers=2, nodes=1, bits=16), torch.zeros(1, 2)
-    points, places = truth.surface(PER_FACE * int(covered.sum()), rng)
-    nodes = lattice(body.faces, covered, SEGMENTS)
-    found = fitted(body, nodes, body.distance.query(points.astype(np.float32)), places)
-    config = TableConfig(segments=SEGMENTS, numbers=2, nodes=nodes.count, bits=16)
-    return covered, config, torch.from_numpy(found)
-
-
 def learn(
     named: Named,
     truth: Truth,
-    body: CanonicalBody,
     learning: LearningConfig,
     show: Callable[[str], None],
 ) -> Learned:
     """Learn a garment."""
     rng = np.random.default_rng(0)
     volume = learn_volume(truth, cell_of(named, learning), rng)
-    covered, table, places = learn_places(truth, body, rng)
     errors = errors_of(volume, truth, rng)
     show(f"{named.name}: " + told(errors))
     config = GarmentConfig(
@@ -255,10 +218,9 @@ def learn(
         kind=named.kind,
         tags=named.tags,
         volume=volume.config,
-        places=table,
         middle=named.middle,
     )
-    return Learned(config=config, volume=volume, places=places, covered=covered, errors=errors)
+    return Learned(config=config, volume=volume, errors=errors)
 
 
 def cell_of(named: Named, learning: LearningConfig) -> float:

@@ -106,7 +106,7 @@ def learn_garment(
     else:
         truth, middle, hidden = ClothTruth(made=made), made.middle, made.hidden
     named = Named(name=garment.name, kind=garment.kind, tags=garment.tags, middle=middle)
-    return Placed(learned=learn(named, truth, body, learning, show), hidden=hidden, body=body)
+    return Placed(learned=learn(named, truth, learning, show), hidden=hidden, body=body)
 
 
 def save_garment(placed: Placed, path: Path) -> None:
@@ -114,8 +114,6 @@ def save_garment(placed: Placed, path: Path) -> None:
     found, body = placed.learned, placed.body
     module = LearnedGarment(found.config, whole_of(body, (found.config,), NO_SKIN))
     module.volume.load_state_dict(found.volume.state_dict())
-    module.places.set(found.places)
-    module.covered.copy_(torch.from_numpy(found.covered).to(torch.uint8))
     module.hidden.copy_(torch.from_numpy(placed.hidden).to(torch.uint8))
     notes = {"config": json.dumps(asdict(found.config)), "errors": told(found.errors)}
     write_atomically(path, save({k: v.contiguous() for k, v in module.state_dict().items()}, notes))

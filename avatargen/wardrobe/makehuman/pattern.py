@@ -1,7 +1,7 @@
-"""A garment's pattern pieces: the islands of its texture, and where their points lie in metres."""
+"""A garment's pattern pieces: the islands of its texture, and which of them keep their colours."""
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64, UInt8
+from jaxtyping import Bool, Int64, UInt8
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -22,41 +22,6 @@ def islands(garment: FittedGarment) -> Int64[np.ndarray, " F"]:
     ends = np.concatenate([corner[:, :2], corner[:, 1:]])
     graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(corner.max() + 1,) * 2)
     return connected_components(graph, directed=False)[1][corner[:, 0]].astype(np.int64)
-
-
-def pattern_places(garment: FittedGarment) -> Float64[np.ndarray, "F 3 2"]:
-    """Metres along and across the garment at every face corner, linear in the texture on each piece.
-
-    Along is down the body, and along the arm for sleeves; so stripes end at seams as sewn ones do.
-    """
-    places = np.zeros((len(garment.faces), 3, 2))
-    label = islands(garment)
-    for piece in np.unique(label):
-        mine = label == piece
-        corners = garment.vertices[garment.faces[mine]].astype(np.float64)
-        uv = garment.uv[mine].reshape(-1, 2).astype(np.float64)
-        flat = corners.reshape(-1, 3)
-        sleeve = np.abs(flat[:, 0]).mean() > 0.24
-        along = np.abs(flat[:, 0]) if sleeve else flat[:, 1]
-        design = np.column_stack([uv, np.ones(len(uv))])
-        slope = np.linalg.lstsq(design, along, rcond=None)[0][:2]
-        size = piece_scale(corners, garment.uv[mine].astype(np.float64))
-        direction = slope / max(np.linalg.norm(slope), 1e-9)
-        across = np.array([-direction[1], direction[0]])
-        middle = uv.mean(axis=0)
-        local = (uv - middle) @ np.stack([direction, across], axis=1) * size
-        local[:, 0] += along.mean()
-        places[mine] = local.reshape(-1, 3, 2)
-    return places
-
-
-def piece_scale(corners: Float64[np.ndarray, "f 3 3"], uv: Float64[np.ndarray, "f 3 2"]) -> float:
-    """Metres a unit of texture on a piece, from its areas."""
-    sides = corners[:, 1:] - corners[:, :1]
-    flat = uv[:, 1:] - uv[:, :1]
-    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
-    flat_area = np.abs(flat[:, 0, 0] * flat[:, 1, 1] - flat[:, 0, 1] * flat[:, 1, 0]).sum()
-    return float(np.sqrt(area / max(flat_area, 1e-12)))
 
 
 def padded(texture: UInt8[np.ndarray, "H W C"], used: Bool[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W C"]:

@@ -13,6 +13,7 @@ from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 from avatargen.wardrobe.appearance import Dye
+from avatargen.wardrobe.cloth_grain import grain_of
 from avatargen.wardrobe.colour_names import lab
 from avatargen.wardrobe.dressed import EDGE_ZONE, Cloth, DressedField, Opening
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
@@ -20,7 +21,7 @@ from avatargen.wardrobe.makehuman.face import SkinPaint
 from avatargen.wardrobe.makehuman.grooming import hairdo_of, paint_of
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_folder, read_texture
-from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, trim_texels, used_texels
+from avatargen.wardrobe.makehuman.pattern import padded, trim_texels, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
 from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
@@ -70,10 +71,6 @@ class ArtistGarment:
     @cached_property
     def trim(self) -> np.ndarray:
         return trim_texels(self.solid.garment)
-
-    @cached_property
-    def places(self) -> Float64[np.ndarray, "F 3 2"]:
-        return pattern_places(self.solid.garment)
 
     @cached_property
     def hidden(self) -> Bool[np.ndarray, " V"]:
@@ -134,8 +131,7 @@ class WornCloth:
         if len(near):
             at, face = found.barycentric[near], found.face[near]
             own = self.garment.own(np.einsum("nk,nka->na", at, solid.garment.uv[face]))
-            place = np.einsum("nk,nka->na", at, self.garment.places[face])
-            colour[near] = self.appearance.color(own, place)
+            colour[near] = self.appearance.color(own, points[near])
         return Cloth(distance=found.distance, rim=found.rim, color=colour)
 
 
@@ -157,7 +153,7 @@ class Wardrobe:
         self.folder, self.body, self.hm08 = folder, body, load_hm08()
         if len(body.vertices) != len(self.hm08.hm08_of_body):
             raise InputError("wardrobe: it fits the body that comes with the package; give no other body")
-        self.sizing = Sizing(body.source)
+        self.sizing, self.grain = Sizing(body.source), grain_of(body)
         self.loaded = {garment.name: garment for garment in load_folder(folder)}
         self.garments: dict[str, FittedGarment | Pattern] = {**self.loaded, **patterns}
         self.skins = {path.stem: path for path in sorted(folder.glob("skins/*/*_diffuse*.*"))}
@@ -240,6 +236,11 @@ class Wardrobe:
         return WornCloth(
             garment=garment,
             appearance=Dye(
-                middle=garment.middle, dye=colour, kind=kind, ink=found.print_colour, width=found.print_width
+                middle=garment.middle,
+                dye=colour,
+                kind=kind,
+                ink=found.print_colour,
+                width=found.print_width,
+                grain=self.grain,
             ),
         )

@@ -41,10 +41,8 @@ class Truth(Protocol):
         dye takes, or shades of hair."""
         ...
 
-    def surface(
-        self, count: int, rng: np.random.Generator
-    ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 2"]]:
-        """Points of the surface, and their places along and across the cloth, m."""
+    def surface(self, count: int, rng: np.random.Generator) -> Float64[np.ndarray, "N 3"]:
+        """Points of the surface."""
         ...
 
 
@@ -87,18 +85,15 @@ class ClothTruth:
         before = np.einsum("nk,nka->na", weights, corners) + AIR * out
         return self.ask(before.astype(np.float32))[0] > 0.6 * AIR
 
-    def surface(
-        self, count: int, rng: np.random.Generator
-    ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 2"]]:
+    def surface(self, count: int, rng: np.random.Generator) -> Float64[np.ndarray, "N 3"]:
         garment = self.made.solid.garment
         face, weights = drawn_on(garment.vertices, garment.faces, count, rng)
-        points = np.einsum("nk,nka->na", weights, garment.vertices.astype(np.float64)[garment.faces[face]])
-        return points, np.einsum("nk,nka->na", weights, self.made.places[face])
+        return np.einsum("nk,nka->na", weights, garment.vertices.astype(np.float64)[garment.faces[face]])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HairTruth:
-    """Of hair: it has no edges, and no place on it is told from another."""
+    """Of hair: it has no edges."""
 
     strands: Strands
 
@@ -115,12 +110,10 @@ class HairTruth:
     def seen(
         self, count: int, rng: np.random.Generator
     ) -> tuple[Float32[np.ndarray, "N 3"], Float64[np.ndarray, "N C"]]:
-        points = self.surface(count, rng)[0].astype(np.float32)
+        points = self.surface(count, rng).astype(np.float32)
         return points, self.strands.shade(points)[:, None].astype(np.float64)
 
-    def surface(
-        self, count: int, rng: np.random.Generator
-    ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 2"]]:
+    def surface(self, count: int, rng: np.random.Generator) -> Float64[np.ndarray, "N 3"]:
         """By steps of the distance."""
         samples, _ = self.strands.samples
         points = samples[rng.integers(len(samples), size=count)] + rng.normal(size=(count, 3)) * 0.004
@@ -130,7 +123,7 @@ class HairTruth:
             slope = slope.T / (2 * STEP)
             length = np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 0.3)
             points = points - ask(points)[:, None] * slope / length**2
-        return points, np.zeros((count, 2))
+        return points
 
 
 def drawn_on(
@@ -145,6 +138,6 @@ def drawn_on(
 
 def about(truth: Truth, count: int, rng: np.random.Generator) -> Float32[np.ndarray, "N 3"]:
     """Points about a garment's surface, half of them close to it."""
-    points, _ = truth.surface(count, rng)
+    points = truth.surface(count, rng)
     spread = np.where(np.arange(count) % 2 == 0, NEAR, AROUND)[:, None] / np.sqrt(3)
     return (points + rng.normal(size=(count, 3)) * spread).astype(np.float32)
