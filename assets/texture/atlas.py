@@ -1,5 +1,5 @@
-"""Texture coordinates: each skinning part is cut into charts by xatlas, and all charts are packed into one
-square.
+"""Texture coordinates of any surface: each of its parts is cut into charts by xatlas, and all charts are
+packed into one square. People have charts along the seams of clothes first (`assets.texture.guided`).
 
 xatlas runs in a process of its own under a time limit. Where it fails, runs out of time or leaves a face
 out, the faces are packed one by one instead: a plain atlas with a seam at every edge, but never a wrong one.
@@ -63,6 +63,7 @@ class Atlas:
     uv: Float32[np.ndarray, "W 2"]
     faces: Int64[np.ndarray, "F 3"]
     plain: str = ""  # why faces were packed one by one; empty for charts
+    unguided: str = ""  # why charts do not follow the seams of clothes; empty where they do, or need not
 
     def __post_init__(self) -> None:
         if len(self.vertex_map) != len(self.uv) or len(self.faces) == 0 or self.faces.max() >= len(self.uv):
