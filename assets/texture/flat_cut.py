@@ -9,10 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Complex128, Float64, Int64
 
 from assets.mesh.surface import Surface, normals_of
-from assets.texture.flatten import Sheets
+from assets.texture.flatten import Sheets, areas_in_plane
 from assets.texture.overlap import find_overlaps
 from assets.texture.seams import Cut
-from avatargen.compiled import compiled
 
 RINGS = 2  # of vertices around those that are moved one by one, which are moved, too
 FINE = 1024  # texels along the atlas's side at which charts are looked at,
@@ -35,11 +34,14 @@ def sheets_of(
     """Some charts in space, each as thick as given along the direction that most of it faces or turns its
     back on; and their vertices among all."""
     mine = which[cut.chart]
-    vertices, corner = np.unique(cut.faces[mine], return_inverse=True)
+    faces = cut.faces[mine]
+    used = np.zeros(len(cut.vertex_map), dtype=bool)
+    used[faces] = True
+    vertices = np.flatnonzero(used)
     sheets = Sheets(
         vertices=surface.vertices[cut.vertex_map[vertices]],
-        faces=corner.reshape(-1, 3),
-        chart=np.unique(cut.chart[mine], return_inverse=True)[1],
+        faces=(np.cumsum(used) - 1)[faces],
+        chart=(np.cumsum(which) - 1)[cut.chart[mine]],
     )
     less = (1 - thickness[which])[sheets.owner]
     if less.any():
@@ -78,12 +80,10 @@ def around(sheets: Sheets, faces: Bool[np.ndarray, " F"]) -> Bool[np.ndarray, " 
 def overlaps(flat: FlatCut, which: Bool[np.ndarray, " C"] | None = None) -> Int64[np.ndarray, "N 2"]:
     """Pairs of faces of one chart, of some or all, that lie over each other."""
     faces, chart = flat.cut.faces, flat.cut.chart
-    uv = np.stack([np.real(flat.z), np.imag(flat.z)], axis=1)
-    uv *= FINE * np.sqrt(USED / covered(uv, faces))
-    if which is None:
-        return find_overlaps(uv[faces], chart)
-    rows = np.flatnonzero(which[chart])
-    return rows[find_overlaps(uv[faces[rows]], chart[rows])]
+    rows = np.arange(len(faces)) if which is None else np.flatnonzero(which[chart])
+    fine = FINE * np.sqrt(USED / np.abs(areas_in_plane(faces, flat.z)).sum())
+    corners = fine * flat.z[faces[rows]]
+    return rows[find_overlaps(np.stack([np.real(corners), np.imag(corners)], axis=2), chart[rows])]
 
 
 def means_at(
@@ -93,15 +93,3 @@ def means_at(
     index, values = faces.reshape(-1), corners.reshape(-1)
     total = np.bincount(index, np.real(values), count) + 1j * np.bincount(index, np.imag(values), count)
     return total / np.bincount(index, minlength=count)
-
-
-@compiled
-def covered(uv, faces):
-    """The sum of the areas of faces [F 3], however they turn, whose corners are at `uv` [W 2]."""
-    total = 0.0
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy = uv[b, 0] - uv[a, 0], uv[b, 1] - uv[a, 1]
-        vx, vy = uv[c, 0] - uv[a, 0], uv[c, 1] - uv[a, 1]
-        total += 0.5 * abs(ux * vy - uy * vx)
-    return total

@@ -6,7 +6,7 @@ A point of the plane is a complex number, so that a turn is a product. Each face
 its first edge along the real axis; the map on a face is z = a x + b conj(x), whose singular values are |a| +
 |b| and |a| - |b|, the latter negative where the face is turned over.
 
-Letters: W vertices, F faces, C charts. Metres.
+Letters: W vertices, F faces, C charts, N entries of a sparse matrix. Metres.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,14 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Complex128, Float64, Int64
-from scipy.sparse import coo_array, csc_array, csr_array, diags_array
+from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from avatargen.compiled import compiled, inner
+
 ROUNDS = 12  # of turning faces and solving for vertices
-THINNEST = 1e-7  # metres that a face counts as high, at least
 RIGID = 1e-3  # weight that holds one vertex of each chart, and one that keeps every equation solvable
-TINY = 1e-30
+PINNED = 1e3  # weight of two vertices of each chart while angles are kept
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,29 +37,14 @@ class Sheets:
         return int(self.chart.max()) + 1
 
     @cached_property
-    def local(self) -> Complex128[np.ndarray, "F 3"]:
-        """Corners of each face in its own frame."""
-        corners = self.vertices[self.faces]
-        along, across = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        length = np.maximum(np.linalg.norm(along, axis=1), THINNEST)
-        place = np.einsum("fd,fd->f", along, across) / length
-        height = np.maximum(np.linalg.norm(np.cross(along, across), axis=1) / length, THINNEST)
-        return np.stack([np.zeros(len(length)), length, place + 1j * height], axis=1)
-
-    @cached_property
-    def edges(self) -> Complex128[np.ndarray, "F 3"]:
-        """From each corner to the next."""
-        return np.roll(self.local, -1, axis=1) - self.local
+    def local(self) -> Float64[np.ndarray, "F 3"]:
+        """Each face in its own frame: how long its first edge is, and along and across that where its third
+        corner lies."""
+        return local_frames(self.vertices, self.faces)
 
     @cached_property
     def areas(self) -> Float64[np.ndarray, " F"]:
-        return 0.5 * np.real(self.local[:, 1]) * np.imag(self.local[:, 2])
-
-    @cached_property
-    def cotangents(self) -> Float64[np.ndarray, "F 3"]:
-        """Of the angle opposite to each edge."""
-        forward, back = np.roll(self.edges, -2, axis=1), -np.roll(self.edges, -1, axis=1)
-        return np.real(back * np.conj(forward)) / (2 * self.areas)[:, None]
+        return 0.5 * self.local[:, 0] * self.local[:, 2]
 
     @cached_property
     def owner(self) -> Int64[np.ndarray, " W"]:
@@ -70,7 +56,8 @@ class Sheets:
     @cached_property
     def pins(self) -> Int64[np.ndarray, "2 C"]:
         """Two vertices of each chart that are far apart."""
-        first = np.unique(self.owner, return_index=True)[1]
+        first = np.zeros(self.count, dtype=np.int64)
+        first[self.owner[::-1]] = np.arange(len(self.owner))[::-1]
         second = self.farthest(first)
         return np.stack([self.farthest(second), second])
 
@@ -81,13 +68,10 @@ class Sheets:
         return order[np.searchsorted(self.owner[order], np.arange(self.count), side="right") - 1]
 
     @cached_property
-    def differences(self) -> csr_array:
-        """[3 F, W] from values at vertices to their differences along edges."""
-        row = np.arange(self.faces.size)
-        start, end = self.faces.reshape(-1), np.roll(self.faces, -1, axis=1).reshape(-1)
-        value = np.repeat([-1.0, 1.0], len(row))
-        place = np.tile(row, 2), np.concatenate([start, end])
-        return csr_array(coo_array((value, place), shape=(len(row), len(self.vertices))))
+    def pattern(self) -> tuple[Int64[np.ndarray, " _"], Int64[np.ndarray, " N"], Int64[np.ndarray, "F 3 3"]]:
+        """Where a matrix of the vertices and their neighbours has entries, column by column: the first of each
+        column, their rows, and the entry of each face's pair of corners, row before column."""
+        return entries(self.faces, len(self.vertices))
 
 
 def flatten(sheets: Sheets) -> Complex128[np.ndarray, " W"]:
@@ -97,48 +81,44 @@ def flatten(sheets: Sheets) -> Complex128[np.ndarray, " W"]:
 
 def conformal(sheets: Sheets) -> Complex128[np.ndarray, " W"]:
     """Charts with angles kept in the least squares sense, each as large as it is in space."""
-    x = sheets.local
-    gradient = (np.roll(x, -2, axis=1) - np.roll(x, -1, axis=1)) / np.sqrt(2 * sheets.areas)[:, None]
-    place = np.repeat(np.arange(len(x)), 3), sheets.faces.reshape(-1)
-    rows = csr_array(coo_array((gradient.reshape(-1), place), shape=(len(x), len(sheets.vertices))))
-    matrix = csr_array(rows.conj().T @ rows)
-    first, second = sheets.pins
-    z = np.zeros(len(sheets.vertices), dtype=np.complex128)
-    z[second] = np.linalg.norm(sheets.vertices[second] - sheets.vertices[first], axis=1)
-    free = np.ones(len(z), dtype=bool)
-    free[sheets.pins] = False
-    wanted = matrix[free]
-    z[free] = factorise(wanted[:, free]).solve(-(wanted[:, ~free] @ z[~free]))
-    u = along_edges(sheets, z)
-    area = np.bincount(sheets.chart, 0.5 * np.imag(u[:, 0] * np.conj(u[:, 2])), minlength=sheets.count)
+    first, slots = sheets.pattern[0], sheets.pattern[2]
+    values = np.zeros(first[-1], dtype=np.complex128)
+    add_conformal(sheets.local, slots, values)
+    start, end = sheets.pins
+    wanted = np.zeros(len(sheets.vertices), dtype=np.complex128)
+    wanted[end] = PINNED * np.linalg.norm(sheets.vertices[end] - sheets.vertices[start], axis=1)
+    z = factorise(sheets, values, np.concatenate([start, end]), PINNED).solve(wanted)
+    area = np.bincount(sheets.chart, areas_in_plane(sheets.faces, z), minlength=sheets.count)
     true = np.bincount(sheets.chart, sheets.areas, minlength=sheets.count)
     return z * np.sqrt(true / np.maximum(np.abs(area), 1e-6 * true))[sheets.owner]
 
 
 def as_rigid_as_possible(sheets: Sheets, z: Complex128[np.ndarray, " W"]) -> Complex128[np.ndarray, " W"]:
     """In turn the best rotation of each face, and the best vertices for these."""
-    weight = sheets.cotangents.reshape(-1)
-    back = csr_array(sheets.differences.T)
-    held = np.full(len(z), RIGID * RIGID)
-    held[sheets.pins[0]] = RIGID
-    solver = factorise(back @ diags_array(weight) @ sheets.differences + diags_array(held))
+    values = np.zeros(sheets.pattern[0][-1])
+    weights = cotangents(sheets.local)
+    add_stiffness(weights, sheets.pattern[2], values)
+    solver = factorise(sheets, values, sheets.pins[0], RIGID)
     for _ in range(ROUNDS):
-        turn = (sheets.cotangents * along_edges(sheets, z) * np.conj(sheets.edges)).sum(axis=1)
-        turn = turn / np.maximum(np.abs(turn), TINY)
-        wanted = back @ (weight * (turn[:, None] * sheets.edges).reshape(-1))
-        z = solver.solve(np.stack([wanted.real, wanted.imag], axis=1)) @ np.array([1, 1j])
+        wanted = np.zeros((len(z), 2), order="F")
+        add_turned(sheets.faces, sheets.local, weights, z, wanted)
+        z = solver.solve(wanted) @ np.array([1, 1j])
     return z
 
 
-def factorise(matrix: csr_array) -> SuperLU:
-    """A solver for a symmetric or Hermitian positive definite matrix."""
+def factorise(sheets: Sheets, values: np.ndarray, held: Int64[np.ndarray, " _"], weight: float) -> SuperLU:
+    """A solver for a symmetric or Hermitian positive definite matrix of the sheets' pattern, with so much
+    added where vertices are held, and nearly nothing elsewhere."""
+    first, rows, _ = sheets.pattern
+    values = values.copy()
+    values[first[:-1]] += RIGID * RIGID  # each column's first entry is that of its own row
+    values[first[held]] += weight
+    size = len(first) - 1
+    matrix = csc_array((values, rows.astype(np.int32), first.astype(np.int32)), shape=(size, size))
+    matrix.sort_indices()
+    matrix.has_canonical_format = True
     options = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
-    return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", options=options)
-
-
-def along_edges(sheets: Sheets, z: Complex128[np.ndarray, " W"]) -> Complex128[np.ndarray, "F 3"]:
-    """The faces' edges in the plane."""
-    return (sheets.differences @ z).reshape(-1, 3)
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", options=options)
 
 
 def singular_values(
@@ -146,7 +126,136 @@ def singular_values(
 ) -> tuple[Float64[np.ndarray, " F"], Float64[np.ndarray, " F"]]:
     """Of the map from each face to the plane: the larger, and the smaller, negative where the face is turned
     over."""
-    (e, f), (u, v) = sheets.edges[:, :2].T, along_edges(sheets, z)[:, :2].T
-    area = 2j * (e * np.conj(f)).imag
-    a, b = (u * np.conj(f) - v * np.conj(e)) / area, (e * v - f * u) / area
-    return np.abs(a) + np.abs(b), np.abs(a) - np.abs(b)
+    large, small = np.empty(len(sheets.faces)), np.empty(len(sheets.faces))
+    stretches(sheets.faces, sheets.local, z, large, small)
+    return large, small
+
+
+@compiled
+def local_frames(vertices, faces):
+    """[F 3] `Sheets.local` of faces [F 3] on vertices [W 3]; no number is less than a tenth of a micrometre
+    where it is divided by."""
+    local = np.empty((len(faces), 3))
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1]
+        vx, vy = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1]
+        uz, vz = vertices[b, 2] - vertices[a, 2], vertices[c, 2] - vertices[a, 2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = max(np.sqrt(ux * ux + uy * uy + uz * uz), 1e-7)
+        local[f, 0], local[f, 1] = length, (ux * vx + uy * vy + uz * vz) / length
+        local[f, 2] = max(np.sqrt(nx * nx + ny * ny + nz * nz) / length, 1e-7)
+    return local
+
+
+@inner
+def edges_of(local, f):
+    """The edges of a face in its own frame, from each corner to the next."""
+    tip = complex(local[f, 1], local[f, 2])
+    return complex(local[f, 0], 0.0), tip - local[f, 0], -tip
+
+
+@compiled
+def entries(faces, count):
+    """As `Sheets.pattern`, of faces [F 3] on so many vertices; each column's own row comes first."""
+    corner, place = faces.ravel(), np.zeros(count + 1, np.int64)
+    for vertex in corner:
+        place[vertex + 1] += 1
+    for v in range(count):
+        place[v + 1] += place[v]
+    ring, filled = np.empty(len(corner), np.int64), place[:-1].copy()
+    for k in range(len(corner)):
+        ring[filled[corner[k]]] = k
+        filled[corner[k]] += 1
+    first, rows = np.zeros(count + 1, np.int64), np.empty(3 * len(corner) + count, np.int64)
+    slots, at, size = np.empty((len(faces), 3, 3), np.int64), np.full(count, -1, np.int64), 0
+    for v in range(count):
+        at[v], rows[size] = size, v
+        begin, size = size, size + 1
+        for k in range(place[v], place[v + 1]):
+            face, column = ring[k] // 3, ring[k] % 3
+            for i in range(3):
+                other = faces[face, i]
+                if at[other] < begin:
+                    at[other], rows[size] = size, other
+                    size += 1
+                slots[face, i, column] = at[other]
+        first[v + 1] = size
+    return first, rows[:size].copy(), slots
+
+
+@compiled
+def add_conformal(local, slots, values):
+    """Add the conformal energy of faces with frames `local` [F 3] to the entries `values` [N] of a matrix that
+    is Hermitian; `slots` [F 3 3] as `entries` returns them."""
+    for f in range(len(local)):
+        e, g, h = edges_of(local, f)
+        gradients = (g, h, e)  # of each corner: the edge opposite to it
+        for i in range(3):
+            for j in range(3):
+                product = np.conj(gradients[i]) * gradients[j]
+                values[slots[f, i, j]] += product / (local[f, 0] * local[f, 2])
+
+
+@compiled
+def cotangents(local):
+    """[F 3] of the angle opposite to each edge of faces with frames [F 3]."""
+    weights = np.empty((len(local), 3))
+    for f in range(len(local)):
+        e, g, h = edges_of(local, f)
+        double = local[f, 0] * local[f, 2]
+        weights[f, 0] = -(g * np.conj(h)).real / double
+        weights[f, 1] = -(h * np.conj(e)).real / double
+        weights[f, 2] = -(e * np.conj(g)).real / double
+    return weights
+
+
+@compiled
+def add_stiffness(weights, slots, values):
+    """Add the weighted squares of the edges' differences to the entries `values` [N] of a matrix; weights
+    [F 3] of the faces' edges, `slots` as `entries` returns them."""
+    for f in range(len(weights)):
+        for i in range(3):
+            j = (i + 1) % 3
+            values[slots[f, i, i]] += weights[f, i]
+            values[slots[f, j, j]] += weights[f, i]
+            values[slots[f, i, j]] -= weights[f, i]
+            values[slots[f, j, i]] -= weights[f, i]
+
+
+@compiled
+def add_turned(faces, local, weights, z, wanted):
+    """Add to `wanted` [W 2] what is to come out of the stiffness for vertices at which each face has its own
+    shape, turned as is best for the vertices at `z` [W]."""
+    for f in range(len(faces)):
+        own, turn = edges_of(local, f), 0j
+        for i in range(3):
+            turn += weights[f, i] * (z[faces[f, (i + 1) % 3]] - z[faces[f, i]]) * np.conj(own[i])
+        turn /= max(abs(turn), 1e-30)
+        for i in range(3):
+            edge = weights[f, i] * turn * own[i]
+            start, end = faces[f, i], faces[f, (i + 1) % 3]
+            wanted[start, 0], wanted[start, 1] = wanted[start, 0] - edge.real, wanted[start, 1] - edge.imag
+            wanted[end, 0], wanted[end, 1] = wanted[end, 0] + edge.real, wanted[end, 1] + edge.imag
+
+
+@compiled
+def areas_in_plane(faces, z):
+    """[F] of faces [F 3] whose vertices are at `z` [W], negative where they are turned over."""
+    areas = np.empty(len(faces))
+    for f in range(len(faces)):
+        u, v = z[faces[f, 1]] - z[faces[f, 0]], z[faces[f, 2]] - z[faces[f, 0]]
+        areas[f] = 0.5 * (u.real * v.imag - u.imag * v.real)
+    return areas
+
+
+@compiled
+def stretches(faces, local, z, large, small):
+    """Write the singular values of the maps from faces with frames `local` [F 3] to the plane into `large`
+    and `small` [F]."""
+    for f in range(len(faces)):
+        e, g, _ = edges_of(local, f)
+        u, v = z[faces[f, 1]] - z[faces[f, 0]], z[faces[f, 2]] - z[faces[f, 1]]
+        area = 2j * (e * np.conj(g)).imag
+        a, b = (u * np.conj(g) - v * np.conj(e)) / area, (e * v - g * u) / area
+        large[f], small[f] = abs(a) + abs(b), abs(a) - abs(b)

@@ -29,7 +29,7 @@ def find_overlaps(
     above = np.full((int(height.max()), int(width.sum())), NONE, dtype=np.int32)
     pairs = np.empty((len(triangles), 2), dtype=np.int64)
     found = look(triangles, chart, low, above, pairs)
-    return np.unique(pairs[:found], axis=0) if found else pairs[:0]
+    return np.stack(np.divmod(np.unique(pairs[:found] @ [len(triangles), 1]), len(triangles)), axis=1)
 
 
 @compiled
@@ -60,11 +60,17 @@ def look(triangles, chart, low, above, pairs):
         left, right = ax + min(0.0, ux, vx), ax + max(0.0, ux, vx)
         last = NONE
         for row in range(int(top), min(int(bottom) + 1, above.shape[0])):
-            for column in range(int(left), min(int(right) + 1, above.shape[1])):
-                x, y = column + 0.5 - ax, row + 0.5 - ay
-                b, c = (x * vy - y * vx) / area, (ux * y - uy * x) / area
-                if b <= INSIDE or c <= INSIDE or b + c >= 1 - INSIDE:
-                    continue
+            y = row + 0.5 - ay
+            first, end = left - ax, right - ax  # where b, c and 1 - b - c are more than a little, from x to x
+            for slope, rest in ((vy, -y * vx), (-uy, y * ux), (uy - vy, area - y * (ux - vx))):
+                rest = rest / area - INSIDE
+                if slope / area > 0:
+                    first = max(first, -rest * area / slope)
+                elif slope / area < 0:
+                    end = min(end, -rest * area / slope)
+                elif rest <= 0:
+                    end = first - 1
+            for column in range(int(np.ceil(first + ax - 0.5)), int(np.floor(end + ax - 0.5)) + 1):
                 other = above[row, column]
                 if other != NONE and other != last and count < len(pairs):
                     pairs[count, 0], pairs[count, 1] = other, t

@@ -32,8 +32,7 @@ def relax(
     corner = faces.reshape(-1)
     ring = np.argsort(corner, kind="stable")
     first = np.searchsorted(corner[ring], np.arange(len(z) + 1))
-    along, tip = sheets.local[mine, 1], sheets.local[mine, 2]
-    local = np.stack([np.real(along), np.real(tip), np.imag(tip)], axis=1)
+    local = sheets.local[mine]
     area = np.bincount(corner, np.repeat(sheets.areas[mine], 3), minlength=len(z))
     size = np.sqrt(area / np.maximum(np.diff(first), 1))
     for softness in SOFTNESS:

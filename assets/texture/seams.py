@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import (
 )
 
 from assets.mesh.surface import Surface, directed_edges, edge_lengths
+from avatargen.compiled import compiled, inner
 
 RINGS = 3  # of faces on each side of a border among which its shortest way is looked for
 PER_METRE = 1e6  # whole numbers that lengths become for the maximum flow
@@ -226,20 +227,61 @@ def cut_open(
     faces: Int64[np.ndarray, "F 3"], twin: Int64[np.ndarray, " E"], opened: Bool[np.ndarray, " E"]
 ) -> Cut:
     """The faces on vertices of their own along the open edges."""
-    edge = np.flatnonzero(~opened & (np.arange(len(twin)) < twin))
-    other = twin[edge]
-    ahead = [np.where(each % 3 == 2, each - 2, each + 1) for each in (edge, other)]
-    same = np.concatenate([edge, ahead[0]]), np.concatenate([ahead[1], other])
-    count, corner = components(len(twin), *same)
-    vertex_map = np.empty(count, dtype=np.int64)
-    vertex_map[corner] = faces.reshape(-1)
-    _, chart = components(len(faces), edge // 3, other // 3)
+    corner, chart, vertex_map = number_corners(faces, twin, opened)
     return Cut(
-        faces=corner.reshape(-1, 3).astype(np.int64),
+        faces=corner.reshape(-1, 3),
         vertex_map=vertex_map,
-        chart=chart.astype(np.int64),
+        chart=chart,
         open=opened,
     )
+
+
+@inner
+def root_of(parent, one):
+    """The first of those that hang together with one, `parent` [N] pointing towards it."""
+    while parent[one] != one:
+        parent[one] = parent[parent[one]]
+        one = parent[one]
+    return one
+
+
+@inner
+def join(parent, one, other):
+    """Let two hang together."""
+    a, b = root_of(parent, one), root_of(parent, other)
+    parent[max(a, b)] = min(a, b)
+
+
+@inner
+def numbered(parent):
+    """A number for each, from 0, the same for those that hang together; and how many there are."""
+    number, count = np.empty(len(parent), np.int64), 0
+    for one in range(len(parent)):
+        root = root_of(parent, one)
+        if root == one:
+            number[one] = count
+            count += 1
+        else:
+            number[one] = number[root]
+    return number, count
+
+
+@compiled
+def number_corners(faces, twin, opened):
+    """Faces [F 3] on vertices of their own along the edges [E] that are open: the number of the vertex at each
+    corner [E], of the chart of each face [F], and the vertex that each split one was."""
+    corners, charts = np.arange(len(twin)), np.arange(len(faces))
+    for edge in range(len(twin)):
+        other = twin[edge]
+        if not opened[edge] and edge < other:
+            join(corners, edge, other - 2 if other % 3 == 2 else other + 1)
+            join(corners, other, edge - 2 if edge % 3 == 2 else edge + 1)
+            join(charts, edge // 3, other // 3)
+    corner, count = numbered(corners)
+    vertex_map = np.empty(count, np.int64)
+    for k in range(len(corner)):
+        vertex_map[corner[k]] = faces[k // 3, k % 3]
+    return corner, numbered(charts)[0], vertex_map
 
 
 def components(size: int, a: Int64[np.ndarray, " N"], b: Int64[np.ndarray, " N"]) -> tuple[int, np.ndarray]:
