@@ -22,7 +22,7 @@ from assets.skin.skin import connected_regions, merge_small
 from assets.texture.flat_cut import SHARED, FlatCut, around, neighbours, overlaps, sheets_of
 from assets.texture.flatten import flatten, singular_values
 from assets.texture.hands import joined_at, spread_fingers
-from assets.texture.hang import hang_together
+from assets.texture.join import join_small
 from assets.texture.patches import find_patches
 from assets.texture.pattern import MOST_SIDES, Pattern
 from assets.texture.relax import relax
@@ -38,7 +38,7 @@ NEARER = 0.5  # times as far from one face as from another counts as belonging t
 GROWN = 2  # rings of faces around these that go with them
 # of what will not lie flat, one after the other: degrees that a patch's faces may face off its mean, and how
 # many faces it has at least
-BREAKINGS = ((70.0, 6), (60.0, 3), (45.0, 2), (0.0, 1), (0.0, 1), (0.0, 1))
+BREAKINGS = ((70.0, 6), (60.0, 3), (45.0, 2), (0.0, 1))
 BROKEN = 0.3  # of a chart's faces: where more do not lie flat, all become patches
 THIN, LONG = 0.6, 1.7  # singular values beyond which vertices are moved one by one
 THINNER = 0.6  # times as thick as before is a chart that lies over itself and is to stay whole,
@@ -58,22 +58,21 @@ def lay_flat(surface: Surface, pattern: Pattern) -> FlatCut:
     panel = merge_small(panel, pattern.twin, FEWEST)
     fresh = (panel != pattern.panel) | (thinner != thickness)
     if fresh.any():
-        fresh |= np.isin(pattern.panel, pattern.panel[fresh])  # what a panel has lost part of
+        fresh |= np.isin(panel, panel[fresh]) | np.isin(pattern.panel, pattern.panel[fresh])
         pattern, thickness = replace(pattern, panel=panel), thinner
         flat = lay_afresh(surface, pattern, thickness, flat, fresh)
     for widest, fewest in BREAKINGS:
         panel = broken_up(surface, flat, pattern, widest, fewest)
-        fresh = panel != pattern.panel
-        if not fresh.any():
+        broken = panel != pattern.panel
+        if not broken.any():
             break
-        fresh |= np.isin(pattern.panel, pattern.panel[fresh])
         pattern = replace(pattern, panel=panel)
-        flat = lay_afresh(surface, pattern, thickness, flat, fresh)
+        flat = lay_afresh(surface, pattern, thickness, flat, broken)
     for hinge in pattern.hinges:
         flat = joined_at(surface, flat, pattern.twin, int(hinge))
     flat = polished(surface, flat)
     detailed = np.bincount(flat.cut.chart, pattern.detailed) > 0
-    flat = hang_together(surface, flat, pattern.twin, detailed.astype(np.int64))
+    flat = join_small(surface, flat, pattern.twin, detailed.astype(np.int64))
     check_flat(surface, flat)
     return flat
 
@@ -150,7 +149,8 @@ def lay_afresh(
     before: FlatCut | None,
     fresh: Bool[np.ndarray, " F"] | None = None,
 ) -> FlatCut:
-    """Panels laid flat, all of them or those with fresh faces; the others are as they were before."""
+    """Panels laid flat, all of them or fresh faces alone, whole panels of them; the others stay where they
+    were before."""
     cut = sew(surface, pattern, before, fresh)
     z, which = np.zeros(len(cut.vertex_map), dtype=np.complex128), np.ones(cut.count, dtype=bool)
     if before is not None and fresh is not None:
@@ -168,19 +168,17 @@ def lay_afresh(
 def sew(
     surface: Surface, pattern: Pattern, before: FlatCut | None, fresh: Bool[np.ndarray, " F"] | None
 ) -> Cut:
-    """The surface cut into disks along the pattern's seams; panels without fresh faces as they were before.
+    """The surface cut into disks along the pattern's seams, all of it or fresh faces alone.
 
     Raises:
-        GeometryError: a chart is no disk, as where a panel is closed.
+        GeometryError: a chart is no disk.
     """
-    if before is None or fresh is None:
-        opened = cut_to_disks(surface, pattern.panel, pattern.twin, pattern.price)
-    else:
-        chosen = np.isin(pattern.panel, pattern.panel[fresh])
-        opened = cut_to_disks(surface, pattern.panel, pattern.twin, pattern.price, chosen)
-        opened |= before.cut.open & ~np.repeat(chosen, 3)
+    opened = cut_to_disks(surface, pattern.panel, pattern.twin, pattern.price, fresh)
+    if before is not None and fresh is not None:
+        opened |= before.cut.open & ~np.repeat(fresh, 3)
     cut = cut_open(surface.faces, pattern.twin, opened)
-    if (cut.euler_numbers() != 1).any():
+    laid = cut.chart if fresh is None else cut.chart[fresh]
+    if (cut.euler_numbers()[laid] != 1).any():
         raise GeometryError("atlas: a panel does not become a disk")
     return cut
 
