@@ -25,7 +25,7 @@ from avatargen.errors import InputError
 NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
 ROUNDS = 8  # of adding faces beside those already there: a chain of so many tiny faces is found
 FINEST_PACKING = 768  # cells along the side of the grid that charts are packed on: time goes with its square
-SIDE_TO_PADDING = 109  # cells of that grid's side for each cell between charts: 7 of 768
+SIDE_TO_PADDING = 128  # cells of that grid's side for each cell between charts: 8 of 1,024 texels
 MARGIN = 1.5  # texels between a face packed alone and its cell's border
 
 

@@ -90,42 +90,60 @@ def best_neighbour(sewing, mine, tried):
 
 
 @inner
-def shared_path(sewing, mine, target):
-    """[N] the edges of the longest way along which faces [N] of a chart and another one lie beside each other,
-    one after the other."""
-    faces, uv, _, twin, opened, chart, _, _ = sewing
+def shared_edges(sewing, mine, target):
+    """[N] edges of faces [N] of one chart with another one beyond."""
+    _, _, _, twin, opened, chart, _, _ = sewing
     edges, count = np.empty(3 * len(mine), np.int64), 0
     for face in mine:
         for edge in range(3 * face, 3 * face + 3):
             if opened[edge] and twin[edge] >= 0 and chart[twin[edge] // 3] == target:
                 edges[count] = edge
                 count += 1
-    following, led = np.full(count, -1, np.int64), np.zeros(count, np.bool_)
-    for n in range(count):
+    return edges[:count]
+
+
+@inner
+def followers(faces, twin, edges):
+    """[N] which of edges [N] begins where each ends, on both of its sides, -1 for none; and whether it is one
+    that does."""
+    following, led = np.full(len(edges), -1, np.int64), np.zeros(len(edges), np.bool_)
+    for n in range(len(edges)):
         end, far = faces[edges[n] // 3, (edges[n] % 3 + 1) % 3], twin[edges[n]]
-        for m in range(count):
-            if m != n and faces[edges[m] // 3, edges[m] % 3] == end:
-                beyond = twin[edges[m]]
-                if faces[beyond // 3, (beyond % 3 + 1) % 3] == faces[far // 3, far % 3]:
-                    following[n], led[m] = m, True
+        for m in range(len(edges)):
+            beyond = twin[edges[m]]
+            ahead = m != n and faces[edges[m] // 3, edges[m] % 3] == end
+            if ahead and faces[beyond // 3, (beyond % 3 + 1) % 3] == faces[far // 3, far % 3]:
+                following[n], led[m] = m, True
+    return following, led
+
+
+@inner
+def shared_path(sewing, mine, target):
+    """[N] the edges of the longest way along which faces [N] of a chart and another one lie side by side, one
+    after the other."""
+    faces, uv, _, twin, _, _, _, _ = sewing
+    edges = shared_edges(sewing, mine, target)
+    following, led = followers(faces, twin, edges)
     best, longest = edges[:0], -1.0
-    for looking_for_rings in range(2):
-        for n in range(count):
-            if led[n] != (looking_for_rings == 1):
-                continue
-            path, size, length, at = np.empty(count, np.int64), 0, 0.0, n
-            while at >= 0 and size < count and (size == 0 or at != n):
-                path[size] = edges[at]
-                size, length, at = size + 1, length + length_of(faces, uv, edges[at]), following[at]
-            if length > longest:
-                best, longest = path[:size], length
+    for first in range(2 * len(edges)):  # ways with a beginning, then rings
+        n = first % len(edges)
+        if led[n] != (first >= len(edges)):
+            continue
+        path, size, length, at = np.empty(len(edges), np.int64), 0, 0.0, n
+        while at >= 0 and size < len(edges):
+            path[size] = edges[at]
+            size, length, at = size + 1, length + length_of(faces, uv, edges[at]), following[at]
+            if at == n:
+                break
+        if length > longest:
+            best, longest = path[:size], length
     return best
 
 
 @inner
 def ends_of(faces, twin, path):
-    """Vertices [N] along a path on its own side and on the other; a ring begins and ends with the same. A path
-    that meets itself on one side alone loses its last edge."""
+    """Vertices [N] along a path on its own side and on the other; a ring begins and ends with the same. A
+    path that meets itself on one side alone loses its last edge."""
     near, far = np.empty(len(path) + 1, np.int64), np.empty(len(path) + 1, np.int64)
     for n in range(len(path)):
         edge, other = path[n], twin[path[n]]

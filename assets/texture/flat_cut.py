@@ -15,6 +15,7 @@ from assets.texture.seams import Cut
 
 RINGS = 2  # of vertices around those that are moved one by one, which are moved, too
 FINE = 1024  # texels along the atlas's side at which charts are looked at,
+FINEST = 3 * FINE  # or for the last time,
 SHARED = 3  # pairs of a chart's faces that may share a texel or two, beside a seam
 USED = 0.66  # when they cover so much of it
 TINY = 1e-30
@@ -77,11 +78,13 @@ def around(sheets: Sheets, faces: Bool[np.ndarray, " F"]) -> Bool[np.ndarray, " 
     return found
 
 
-def overlaps(flat: FlatCut, which: Bool[np.ndarray, " C"] | None = None) -> Int64[np.ndarray, "N 2"]:
+def overlaps(
+    flat: FlatCut, which: Bool[np.ndarray, " C"] | None = None, side: int = FINE
+) -> Int64[np.ndarray, "N 2"]:
     """Pairs of faces of one chart, of some or all, that lie over each other."""
     faces, chart = flat.cut.faces, flat.cut.chart
     rows = np.arange(len(faces)) if which is None else np.flatnonzero(which[chart])
-    fine = FINE * np.sqrt(USED / np.abs(areas_in_plane(faces, flat.z)).sum())
+    fine = side * np.sqrt(USED / np.abs(areas_in_plane(faces, flat.z)).sum())
     corners = fine * flat.z[faces[rows]]
     return rows[find_overlaps(np.stack([np.real(corners), np.imag(corners)], axis=2), chart[rows])]
 

@@ -69,8 +69,8 @@ class Sheets:
 
     @cached_property
     def pattern(self) -> tuple[Int64[np.ndarray, " _"], Int64[np.ndarray, " N"], Int64[np.ndarray, "F 3 3"]]:
-        """Where a matrix of the vertices and their neighbours has entries, column by column: the first of each
-        column, their rows, and the entry of each face's pair of corners, row before column."""
+        """Where a matrix of the vertices and their neighbours has entries, column by column: the first of
+        each column, their rows, and the entry of each face's pair of corners, row before column."""
         return entries(self.faces, len(self.vertices))
 
 
@@ -186,8 +186,8 @@ def entries(faces, count):
 
 @compiled
 def add_conformal(local, slots, values):
-    """Add the conformal energy of faces with frames `local` [F 3] to the entries `values` [N] of a matrix that
-    is Hermitian; `slots` [F 3 3] as `entries` returns them."""
+    """Add the conformal energy of faces with frames `local` [F 3] to the entries `values` [N] of a matrix
+    that is Hermitian; `slots` [F 3 3] as `entries` returns them."""
     for f in range(len(local)):
         e, g, h = edges_of(local, f)
         gradients = (g, h, e)  # of each corner: the edge opposite to it

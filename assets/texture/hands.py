@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Complex128, Int64
 
 from assets.mesh.surface import Surface
-from assets.texture.flat_cut import SHARED, FlatCut, around, means_at, overlaps, sheets_of
+from assets.texture.flat_cut import FlatCut, around, means_at, overlaps, sheets_of
 from assets.texture.flatten import Sheets, singular_values
 from assets.texture.relax import relax
 from assets.texture.seams import cut_open
 
 SPREAD = (8, 16, 24)  # degrees between neighbouring fingers more than they have
-TURNS = (0, 10, -10, 20, -20, 30, -30, 40, -40, 55, -55, 70, -70)  # degrees about a hinge
+TURNS = (0, 8, -8, 16, -16, 25, -25, 40, -40, 60, -60)  # degrees about a hinge
+MOST_OVER = 8  # pairs of faces of two joined sides that may lie over each other, and become charts
 
 
 def spread_fingers(
@@ -68,35 +69,50 @@ def with_fingers_turned(
     return relax(sheets, turned, around(sheets, np.asarray(at_knuckles.any(axis=1))))
 
 
-def joined_at(surface: Surface, flat: FlatCut, twin: Int64[np.ndarray, " E"], hinge: int) -> FlatCut:
-    """The chart beyond an edge laid beside the one before it, joined along that edge alone and turned about
-    it until neither lies over the other; as it was, where none of the turns does."""
+def joined_at(
+    surface: Surface, flat: FlatCut, twin: Int64[np.ndarray, " E"], hinges: Int64[np.ndarray, " N"]
+) -> FlatCut:
+    """The chart beyond one of some edges laid beside the one before it, joined along that edge alone, and
+    turned about it so that neither lies over the other but for a few faces; as it was where that cannot be."""
+    cut, best, least = flat.cut, flat, MOST_OVER + 1
+    sides = cut.chart[[hinges[0] // 3, twin[hinges[0]] // 3]]
+    if sides[0] == sides[1]:
+        return flat
+    enough = len(overlaps(flat, np.isin(np.arange(cut.count), sides)))
+    for hinge in hinges:
+        if not np.array_equal(cut.chart[[hinge // 3, twin[hinge] // 3]], sides):
+            continue
+        for degrees in TURNS:
+            found, over = turned_about(surface, flat, twin, int(hinge), degrees)
+            if over < least:
+                best, least = found, over
+            if over <= enough:
+                return found
+    return best
+
+
+def turned_about(
+    surface: Surface, flat: FlatCut, twin: Int64[np.ndarray, " E"], hinge: int, degrees: float
+) -> tuple[FlatCut, int]:
+    """The charts on both sides of an edge joined there, one turned by so much from where they would be
+    continued straight, and how many pairs of faces lie over each other or are turned over."""
     cut, other = flat.cut, int(twin[hinge])
     beyond = cut.chart == cut.chart[other // 3]
-    if beyond[hinge // 3]:
-        return flat
     opened = cut.open.copy()
     opened[[hinge, other]] = False
     whole = cut_open(surface.faces, twin, opened)
     which = np.arange(whole.count) == whole.chart[hinge // 3]
     sheets, vertices = sheets_of(surface, whole, which, np.ones(whole.count))
     ends = np.isin(vertices[sheets.faces], whole.faces.reshape(-1)[[hinge, ahead_of(hinge)]])
-    near = np.asarray(ends.any(axis=1))
-    most = len(overlaps(flat, np.isin(np.arange(cut.count), cut.chart[[hinge // 3, other // 3]])))
-    most = min(most, SHARED)
-    at = flat.z[cut.faces].reshape(-1)
+    at, corners = flat.z[cut.faces].reshape(-1), flat.z[cut.faces]
     start, end, other_end, other_start = at[[hinge, ahead_of(hinge), other, ahead_of(other)]]
-    for degrees in TURNS:
-        turn = (end - start) / (other_end - other_start) * np.exp(1j * np.radians(degrees))
-        corners = flat.z[cut.faces]
-        corners[beyond] = (corners[beyond] - (other_start + other_end) / 2) * (turn / abs(turn))
-        corners[beyond] += (start + end) / 2
-        z = means_at(whole.faces, corners, len(whole.vertex_map))
-        z[vertices] = relax(sheets, z[vertices], around(sheets, near))
-        found = FlatCut(cut=whole, z=z)
-        if (singular_values(sheets, z[vertices])[1] > 0).all() and len(overlaps(found, which)) <= most:
-            return found
-    return flat
+    turn = (end - start) / (other_end - other_start) * np.exp(1j * np.radians(degrees))
+    corners[beyond] = (corners[beyond] - (other_start + other_end) / 2) * (turn / abs(turn))
+    corners[beyond] += (start + end) / 2
+    z = means_at(whole.faces, corners, len(whole.vertex_map))
+    z[vertices] = relax(sheets, z[vertices], around(sheets, np.asarray(ends.any(axis=1))))
+    found = FlatCut(cut=whole, z=z)
+    return found, len(overlaps(found, which)) + int((singular_values(sheets, z[vertices])[1] <= 0).sum())
 
 
 def ahead_of(edge: int) -> int:

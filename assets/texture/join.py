@@ -201,8 +201,8 @@ def keeps_shape(faces, before, local, around, corners, uv):
 
 @inner
 def is_clear(faces, before, corners, uv, own, rest):
-    """Whether faces with corners [N 3] lie over no other of them or of `rest` [N], the first ones, `own`, with
-    some room."""
+    """Whether faces with corners [N 3] lie over no other of them or of `rest` [N], the first ones, `own`,
+    with some room."""
     here, there = np.empty((len(corners), 3, 2)), np.empty((len(rest), 3, 2))
     for n in range(len(corners)):
         for k in range(3):

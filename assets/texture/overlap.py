@@ -1,6 +1,6 @@
 """Which faces of a flat chart lie over each other, as the texels of a picture see it.
 
-Letters: F faces, C charts, N pairs of faces, H rows and W columns of texels.
+Letters: F faces, C charts, N pairs of faces, T texels.
 """
 
 import numpy as np
@@ -25,10 +25,10 @@ def find_overlaps(
     present = np.isfinite(low[:, 0])
     chart, low, high = (np.cumsum(present) - 1)[chart], low[present], high[present]
     width, height = (np.ceil(high - low) + 1).astype(np.int64).T
-    low[:, 0] -= np.cumsum(width) - width  # one chart beside the other
-    above = np.full((int(height.max()), int(width.sum())), NONE, dtype=np.int32)
+    texels = width * height
+    above = np.full(int(texels.sum()), NONE, dtype=np.int32)
     pairs = np.empty((len(triangles), 2), dtype=np.int64)
-    found = look(triangles, chart, low, above, pairs)
+    found = look(triangles, chart, low, np.cumsum(texels) - texels, width, height, above, pairs)
     return np.stack(np.divmod(np.unique(pairs[:found] @ [len(triangles), 1]), len(triangles)), axis=1)
 
 
@@ -43,23 +43,24 @@ def find_boxes(triangles, chart, low, high):
 
 
 @compiled
-def look(triangles, chart, low, above, pairs):
-    """Write the triangles [F 3 2], one after the other, over the texels [H W] whose centres they hold, where
-    their charts begin at `low` [C 2], and each pair of a triangle and another above it into `pairs` [N 2];
-    returns how many there are."""
+def look(triangles, chart, low, begin, width, height, above, pairs):
+    """Write the triangles [F 3 2], one after the other, over the texels [T] whose centres they hold, where
+    those of their charts `begin` [C], so many wide and high [C], with the corner `low` [C 2], and each pair
+    of a triangle and another above it into `pairs` [N 2]; returns how many there are."""
     count = 0
     for t in range(len(triangles)):
         ax, ay = triangles[t, 0, 0], triangles[t, 0, 1]
         ux, uy = triangles[t, 1, 0] - ax, triangles[t, 1, 1] - ay
         vx, vy = triangles[t, 2, 0] - ax, triangles[t, 2, 1] - ay
-        ax, ay = ax - low[chart[t], 0], ay - low[chart[t], 1]
+        one = chart[t]
+        ax, ay = ax - low[one, 0], ay - low[one, 1]
         area = ux * vy - uy * vx
         if area == 0:
             continue
         top, bottom = ay + min(0.0, uy, vy), ay + max(0.0, uy, vy)
         left, right = ax + min(0.0, ux, vx), ax + max(0.0, ux, vx)
         last = NONE
-        for row in range(int(top), min(int(bottom) + 1, above.shape[0])):
+        for row in range(int(top), min(int(bottom) + 1, height[one])):
             y = row + 0.5 - ay
             first, end = left - ax, right - ax  # where b, c and 1 - b - c are more than a little, from x to x
             for slope, rest in ((vy, -y * vx), (-uy, y * ux), (uy - vy, area - y * (ux - vx))):
@@ -71,10 +72,11 @@ def look(triangles, chart, low, above, pairs):
                 elif rest <= 0:
                     end = first - 1
             for column in range(int(np.ceil(first + ax - 0.5)), int(np.floor(end + ax - 0.5)) + 1):
-                other = above[row, column]
+                texel = begin[one] + row * width[one] + column
+                other = above[texel]
                 if other != NONE and other != last and count < len(pairs):
                     pairs[count, 0], pairs[count, 1] = other, t
                     count += 1
                     last = other
-                above[row, column] = t
+                above[texel] = t
     return count

@@ -22,9 +22,9 @@ ALL = np.uint64(2**64 - 1)
 PROBES = 24  # cells of a chart that are looked at before all of it
 FULLEST, EMPTIEST = 0.72, 0.2  # share of the square that charts may cover
 TIGHTEST = 0.935  # share of the grid's cells that charts and the room around them may take
-SHRINK = 0.98  # of that share, when no order has worked
+SHRINK = 0.955  # of that share, when no order has worked
 ORDERS = 6  # tried at each size,
-FEW = 60  # of so many charts; of more, the last one to find no room is small, and two orders do
+FEW = 80  # of so many charts; of more, the last one to find no room is small, and two orders do
 HALF_DIAGONAL = 0.7072  # of a cell
 
 
@@ -65,17 +65,25 @@ def pack(outlines: list[Outline], gap: float) -> list[Place]:
     """
     share, area = FULLEST, sum(outline.area for outline in outlines)
     while share > EMPTIEST:
-        scale = np.sqrt(share / area)
-        drawn = [draw(outline, scale * CELLS, 0.5 * gap * CELLS) for outline in outlines]
-        filled = sum(each.cells for each in drawn) / (TIGHTEST * CELLS * CELLS)
-        found = arrange(drawn) if filled <= 1 else None
+        found = packed(outlines, np.sqrt(share / area), gap)
         if found is not None:
-            return [place_of(each, scale, *where) for each, where in zip(drawn, found, strict=True)]
-        while True:  # cells shrink less than charts, as the room around these does not
-            share, filled = share * SHRINK, filled * SHRINK
-            if filled <= 1:
-                break
+            better = (
+                packed(outlines, np.sqrt(share / np.sqrt(SHRINK) / area), gap) if share < FULLEST else None
+            )
+            return found if better is None else better
+        share *= SHRINK
     raise GeometryError(f"atlas: no room for {len(outlines)} charts that lie {gap:g} apart")
+
+
+def packed(outlines: list[Outline], scale: float, gap: float) -> list[Place] | None:
+    """Places of charts so many times as large, or None where no order that is tried has room for all."""
+    drawn = [draw(outline, scale * CELLS, 0.5 * gap * CELLS) for outline in outlines]
+    if sum(each.cells for each in drawn) > TIGHTEST * CELLS * CELLS:
+        return None
+    found = arrange(drawn)
+    if found is None:
+        return None
+    return [place_of(each, scale, *where) for each, where in zip(drawn, found, strict=True)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,17 +105,12 @@ class Drawing:
 
 def draw(outline: Outline, scale: float, reach: float) -> Drawing:
     """The cells that a chart takes, with what comes within reach (cells) of its border."""
-    triangles, border = outline.triangles * scale, outline.border * scale
-    low = triangles.min(axis=(0, 1)) - reach
-    width, height = np.ceil(triangles.max(axis=(0, 1)) + reach - low).astype(np.int64)
-    taken = np.zeros((height, width), dtype=np.bool_)
-    fill(taken, np.ascontiguousarray(triangles - low))
-    widen(taken, np.ascontiguousarray(border - low), reach + HALF_DIAGONAL)
+    low, taken = cells_of(outline.triangles, outline.border, scale, reach)
     drawn = [to_bits(taken, turn) for turn in range(1 if outline.upright else 4)]
     return Drawing(
         bits=[bits for bits, _ in drawn],
         probes=[probes for _, probes in drawn],
-        size=(int(height), int(width)),
+        size=taken.shape,
         cells=int(np.count_nonzero(taken)),
         corner=low,
     )
@@ -124,21 +127,28 @@ def place_of(drawing: Drawing, scale: float, turn: int, row: int, column: int) -
 def arrange(drawn: list[Drawing]) -> list[tuple[int, int, int]] | None:
     """Turn, row and column of each drawing so that none shares a cell, or None where no order that is tried
     has room for all."""
-    sizes = np.array([each.cells for each in drawn])
-    order = list(np.argsort(-sizes, kind="stable"))
-    for _ in range(ORDERS if len(drawn) <= FEW else 2):
-        found, taken = {}, np.zeros((CELLS, CELLS // WORD + 1), dtype=np.uint64)
-        for chart in order:
-            where = lowest(taken, drawn[chart])
-            if where is None:
-                break
-            put(taken, drawn[chart].bits[where[0]], where[1], where[2])
-            found[chart] = where
-        else:
-            return [found[chart] for chart in range(len(drawn))]
-        order.remove(chart)
-        order.insert(0, chart)
+    cells, longest = [each.cells for each in drawn], [max(each.size) for each in drawn]
+    for sizes in (cells, longest):
+        order = np.argsort(-np.array(sizes), kind="stable").tolist()
+        for _ in range(ORDERS if len(drawn) <= FEW else 2):
+            found, failed = placed_in(order, drawn)
+            if failed is None:
+                return [found[chart] for chart in range(len(drawn))]
+            order.remove(failed)
+            order.insert(0, failed)
     return None
+
+
+def placed_in(order: list[int], drawn: list[Drawing]) -> tuple[dict[int, tuple[int, int, int]], int | None]:
+    """Turn, row and column of drawings, one after the other, up to the first one without room; and that."""
+    found, taken = {}, np.zeros((CELLS, CELLS // WORD + 1), dtype=np.uint64)
+    for chart in order:
+        where = lowest(taken, drawn[chart])
+        if where is None:
+            return found, chart
+        put(taken, drawn[chart].bits[where[0]], where[1], where[2])
+        found[chart] = where
+    return found, None
 
 
 def lowest(taken: UInt64[np.ndarray, "H K"], drawing: Drawing) -> tuple[int, int, int] | None:
@@ -153,29 +163,46 @@ def lowest(taken: UInt64[np.ndarray, "H K"], drawing: Drawing) -> tuple[int, int
 
 
 @compiled
-def fill(taken, triangles):
+def cells_of(triangles, border, scale, reach):
+    """The corner [2] at which a chart's cells begin, and these [H W]: whether their centres lie in its
+    triangles [T 3 2] or within reach of its border's segments [S 2 2], so many times as large."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for t in range(len(triangles)):
+        for i in range(3):
+            for k in range(2):
+                low[k] = min(low[k], triangles[t, i, k] * scale - reach)
+                high[k] = max(high[k], triangles[t, i, k] * scale + reach)
+    taken = np.zeros((int(np.ceil(high[1] - low[1])), int(np.ceil(high[0] - low[0]))), np.bool_)
+    fill(taken, triangles, scale, low)
+    widen(taken, border, scale, low, reach + HALF_DIAGONAL)
+    return low, taken
+
+
+@inner
+def fill(taken, triangles, scale, low):
     """Mark the cells [H W] whose centres lie in triangles [T 3 2]."""
     for t in range(len(triangles)):
-        ax, ay = triangles[t, 0, 0], triangles[t, 0, 1]
-        ux, uy = triangles[t, 1, 0] - ax, triangles[t, 1, 1] - ay
-        vx, vy = triangles[t, 2, 0] - ax, triangles[t, 2, 1] - ay
+        ax, ay = triangles[t, 0, 0] * scale - low[0], triangles[t, 0, 1] * scale - low[1]
+        ux, uy = triangles[t, 1, 0] * scale - low[0] - ax, triangles[t, 1, 1] * scale - low[1] - ay
+        vx, vy = triangles[t, 2, 0] * scale - low[0] - ax, triangles[t, 2, 1] * scale - low[1] - ay
         area = ux * vy - uy * vx
         if area == 0:
             continue
+        left, right = int(ax + min(0.0, ux, vx)), int(ax + max(0.0, ux, vx)) + 1
         for y in range(int(ay + min(0.0, uy, vy)), min(int(ay + max(0.0, uy, vy)) + 1, taken.shape[0])):
-            for x in range(int(ax + min(0.0, ux, vx)), min(int(ax + max(0.0, ux, vx)) + 1, taken.shape[1])):
+            for x in range(left, min(right, taken.shape[1])):
                 px, py = x + 0.5 - ax, y + 0.5 - ay
                 b, c = (px * vy - py * vx) / area, (ux * py - uy * px) / area
                 if b >= 0 and c >= 0 and b + c <= 1:
                     taken[y, x] = True
 
 
-@compiled
-def widen(taken, border, reach):
+@inner
+def widen(taken, border, scale, low, reach):
     """Mark the cells [H W] whose centres come within reach of segments [S 2 2]."""
     for s in range(len(border)):
-        ax, ay, ux, uy = border[s, 0, 0], border[s, 0, 1], border[s, 1, 0], border[s, 1, 1]
-        ux, uy = ux - ax, uy - ay
+        ax, ay = border[s, 0, 0] * scale - low[0], border[s, 0, 1] * scale - low[1]
+        ux, uy = border[s, 1, 0] * scale - low[0] - ax, border[s, 1, 1] * scale - low[1] - ay
         square = max(ux * ux + uy * uy, 1e-12)
         top, bottom = int(max(0.0, ay + min(0.0, uy) - reach)), int(ay + max(0.0, uy) + reach) + 1
         left, right = int(max(0.0, ax + min(0.0, ux) - reach)), int(ax + max(0.0, ux) + reach) + 1

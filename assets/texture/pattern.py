@@ -57,6 +57,7 @@ FEWEST_INSIDE = 12  # faces of an inside of clothes
 FEWEST = 4  # faces of what insides of clothes leave of a panel
 WIDEST = 60.0  # degrees that faces of an inside's patch may be off its mean
 OUTSIDE = MOST_SIDES * len(NAMES)  # numbers of panels from here on are none of the pattern's own
+HINGES = 3  # edges at which the sides of a hand may hang together
 STEADY = 4  # rounds of averaging normals before they are asked where they face
 
 
@@ -68,7 +69,7 @@ class Pattern:
     panel: Int64[np.ndarray, " F"]
     twin: Int64[np.ndarray, " E"]
     price: Float64[np.ndarray, " V"]  # of a seam's length, 1 or more
-    hinges: Int64[np.ndarray, " H"]  # edges at which two panels hang together
+    hinges: tuple[Int64[np.ndarray, " _"], ...]  # edges at one of which two panels hang together
     whole: Bool[np.ndarray, " F"]  # hands and face, which are to stay in one piece
     detailed: Bool[np.ndarray, " F"]  # on the head, whose texels are finer
     finger: Int64[np.ndarray, " F"]  # of a hand, from 1 on across it; 0 for none
@@ -272,10 +273,10 @@ class Fit:
 
     def hinges(
         self, panel: Int64[np.ndarray, " F"], twin: Int64[np.ndarray, " E"]
-    ) -> Int64[np.ndarray, " H"]:
-        """The edge from the first side of each hand to the second where the hand is widest, on the little
-        finger's side before the fingers."""
-        found = []
+    ) -> tuple[Int64[np.ndarray, " _"], ...]:
+        """Of each hand some edges from its first side to the second, on the little finger's side before the
+        fingers, that where the hand is widest first."""
+        found: list[np.ndarray] = []
         edges = directed_edges(self.surface.faces)
         here, there = panel[np.arange(len(twin)) // 3], panel[np.maximum(twin, 0) // 3]
         for index, name in enumerate(NAMES):
@@ -287,6 +288,7 @@ class Fit:
             points = self.surface.vertices[edges[between]].mean(axis=1) - vertices.mean(axis=0)
             along, across, _ = self.hand_axes(name) @ points.T
             before_fingers = np.flatnonzero(along < 0)
-            if len(before_fingers):
-                found.append(between[before_fingers[across[before_fingers].argmin()]])
-        return np.array(found, dtype=np.int64)
+            outermost = before_fingers[np.argsort(across[before_fingers])]
+            if len(outermost):
+                found.append(between[outermost[:: max(1, len(outermost) // (2 * HINGES))][:HINGES]])
+        return tuple(found)

@@ -268,8 +268,8 @@ def numbered(parent):
 
 @compiled
 def number_corners(faces, twin, opened):
-    """Faces [F 3] on vertices of their own along the edges [E] that are open: the number of the vertex at each
-    corner [E], of the chart of each face [F], and the vertex that each split one was."""
+    """Faces [F 3] on vertices of their own along the edges [E] that are open: the number of the vertex at
+    each corner [E], of the chart of each face [F], and the vertex that each split one was."""
     corners, charts = np.arange(len(twin)), np.arange(len(faces))
     for edge in range(len(twin)):
         other = twin[edge]

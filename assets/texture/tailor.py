@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float64, Int32, Int64
 from assets.errors import GeometryError
 from assets.mesh.surface import Surface, directed_edges, edge_lengths
 from assets.skin.skin import connected_regions, merge_small
-from assets.texture.flat_cut import SHARED, FlatCut, around, neighbours, overlaps, sheets_of
+from assets.texture.flat_cut import FINE, FINEST, SHARED, FlatCut, around, neighbours, overlaps, sheets_of
 from assets.texture.flatten import flatten, singular_values
 from assets.texture.hands import joined_at, spread_fingers
 from assets.texture.join import join_small
@@ -38,7 +38,7 @@ NEARER = 0.5  # times as far from one face as from another counts as belonging t
 GROWN = 2  # rings of faces around these that go with them
 # of what will not lie flat, one after the other: degrees that a patch's faces may face off its mean, and how
 # many faces it has at least
-BREAKINGS = ((70.0, 6), (60.0, 3), (45.0, 2), (0.0, 1))
+BREAKINGS = ((70.0, 6), (60.0, 3), (45.0, 2))
 BROKEN = 0.3  # of a chart's faces: where more do not lie flat, all become patches
 THIN, LONG = 0.6, 1.7  # singular values beyond which vertices are moved one by one
 THINNER = 0.6  # times as thick as before is a chart that lies over itself and is to stay whole,
@@ -68,9 +68,11 @@ def lay_flat(surface: Surface, pattern: Pattern) -> FlatCut:
             break
         pattern = replace(pattern, panel=panel)
         flat = lay_afresh(surface, pattern, thickness, flat, broken)
-    for hinge in pattern.hinges:
-        flat = joined_at(surface, flat, pattern.twin, int(hinge))
+    for hinges in pattern.hinges:
+        flat = joined_at(surface, flat, pattern.twin, hinges)
     flat = polished(surface, flat)
+    alone = broken_up(surface, flat, pattern, 0.0, 1)
+    flat = lay_afresh(surface, replace(pattern, panel=alone), thickness, flat, alone != pattern.panel)
     detailed = np.bincount(flat.cut.chart, pattern.detailed) > 0
     flat = join_small(surface, flat, pattern.twin, detailed.astype(np.int64))
     check_flat(surface, flat)
@@ -84,7 +86,8 @@ def broken_up(
     where these are many. `widest` and `fewest` as `find_patches` takes them; single faces go alone."""
     cut = flat.cut
     here, there = neighbours(cut, pattern.twin)
-    bad = upper_ones(flat, here, there, 0 if fewest == 1 else SHARED) | (smaller_values(surface, flat) < FLAT)
+    upper = upper_ones(flat, here, there, *((0, FINEST) if fewest == 1 else (SHARED, FINE)))
+    bad = upper | (smaller_values(surface, flat) < FLAT)
     if not bad.any():
         return pattern.panel
     if fewest > 1:
@@ -97,13 +100,13 @@ def broken_up(
 
 
 def upper_ones(
-    flat: FlatCut, here: Int64[np.ndarray, " N"], there: Int64[np.ndarray, " N"], most: int
+    flat: FlatCut, here: Int64[np.ndarray, " N"], there: Int64[np.ndarray, " N"], most: int, side: int
 ) -> Bool[np.ndarray, " F"]:
-    """Of the faces of one chart that lie over each other, in more pairs than `most`, those that are to go, so
-    that none does: regions of neighbours, but for the largest ones that do not lie over each other or
-    themselves."""
+    """Of the faces of one chart that lie over each other, in more pairs than `most`, seen at so many texels
+    along a side, those that are to go, so that none does: regions of neighbours, but for the largest ones
+    that do not lie over each other or themselves."""
     cut = flat.cut
-    over = overlaps(flat)
+    over = overlaps(flat, side=side)
     many = np.bincount(cut.chart[over[:, 0]], minlength=cut.count) > most
     over = over[many[cut.chart[over[:, 0]]]]
     involved = np.zeros(len(cut.chart), dtype=bool)
@@ -151,6 +154,8 @@ def lay_afresh(
 ) -> FlatCut:
     """Panels laid flat, all of them or fresh faces alone, whole panels of them; the others stay where they
     were before."""
+    if before is not None and fresh is not None and not fresh.any():
+        return before
     cut = sew(surface, pattern, before, fresh)
     z, which = np.zeros(len(cut.vertex_map), dtype=np.complex128), np.ones(cut.count, dtype=bool)
     if before is not None and fresh is not None:
@@ -175,7 +180,8 @@ def sew(
     """
     opened = cut_to_disks(surface, pattern.panel, pattern.twin, pattern.price, fresh)
     if before is not None and fresh is not None:
-        opened |= before.cut.open & ~np.repeat(fresh, 3)
+        anew = np.repeat(fresh, 3)
+        opened = np.where(anew | anew[np.maximum(pattern.twin, 0)], opened, before.cut.open)
     cut = cut_open(surface.faces, pattern.twin, opened)
     laid = cut.chart if fresh is None else cut.chart[fresh]
     if (cut.euler_numbers()[laid] != 1).any():
