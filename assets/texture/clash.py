@@ -29,7 +29,7 @@ def boxes(corners):
     for n in range(len(corners)):
         for k in range(2):
             a, b, c = corners[n, 0, k], corners[n, 1, k], corners[n, 2, k]
-            found[n, k], found[n, 2 + k] = min(a, min(b, c)), max(a, max(b, c))
+            found[n, k], found[n, 2 + k] = min(a, b, c), max(a, b, c)
     return found
 
 
@@ -47,8 +47,10 @@ def clash(corners, others, own, clear, touching):
         x, y, u, v = there[0] - clear, there[1] - clear, there[2] + clear, there[3] + clear
         if x > right or y > high or u < left or v < low:
             continue
+        near = False
         for n in range(min(m, count)):
             if box[n, 0] <= u and box[n, 2] >= x and box[n, 1] <= v and box[n, 3] >= y:
-                if not apart(corners[n], other, clear if m >= count and n < own else touching):
-                    return True
+                near |= not apart(corners[n], other, clear if m >= count and n < own else touching)
+        if near:
+            return True
     return False

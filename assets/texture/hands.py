@@ -73,7 +73,7 @@ def joined_at(
     surface: Surface, flat: FlatCut, twin: Int64[np.ndarray, " E"], hinges: Int64[np.ndarray, " N"]
 ) -> FlatCut:
     """The chart beyond one of some edges laid beside the one before it, joined along that edge alone, and
-    turned about it so that neither lies over the other but for a few faces; as it was where that cannot be."""
+    turned about it so that neither lies over the other, but for a few faces; or as it was."""
     cut, best, least = flat.cut, flat, MOST_OVER + 1
     sides = cut.chart[[hinges[0] // 3, twin[hinges[0]] // 3]]
     if sides[0] == sides[1]:

@@ -63,7 +63,7 @@ def join_small(
 @compiled
 def join_charts(sewing, order):
     """Sew each chart of `order` [N] that is still one of its own onto a neighbour; how many have been."""
-    faces, _, _, _, _, chart, size, _ = sewing
+    _, _, _, _, _, chart, size, _ = sewing
     head, tail, following = lists(chart, len(size))
     alias, number, count = np.arange(len(sewing.uv)), np.full(len(sewing.uv), -1, np.int64), 0
     for one in order:
