@@ -21,8 +21,9 @@ class AvatarInfo:
     licence: str
     height_m: float  # of the body, crown of the head to the soles
     attributes: Described | None = None
+    said: tuple[tuple[str, str], ...] = ()  # a text that it was made from, and how that was understood
 
     @property
     def facts(self) -> tuple[tuple[str, str | int | float], ...]:
-        """The attributes as names and values, as files hold them."""
-        return tuple(self.attributes.facts().items()) if self.attributes else ()
+        """The attributes and what was said as names and values, as files hold them."""
+        return (*(self.attributes.facts().items() if self.attributes else ()), *self.said)

@@ -5,7 +5,7 @@ A seed's latent is read as the artist-made wardrobe reads it, so a seed is the s
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,17 +28,19 @@ from avatargen.body.model import Body, CanonicalBody, canonical_body, shape
 from avatargen.generator.config import body_hash
 from avatargen.generator.dressed.checkpoint import load_dressed
 from avatargen.generator.dressed.config import DressedConfig
-from avatargen.generator.dressed.garment import ReadyGarment, WornGarment, ready_garment
+from avatargen.generator.dressed.garment import LearnedHair, ReadyGarment, WornGarment, ready_garment
 from avatargen.generator.dressed.skin import ReadySkin, ready_skin
 from avatargen.shipped import shipped
-from avatargen.wardrobe.appearance import Dye, HairDye
+from avatargen.wardrobe.appearance import Dye
 from avatargen.wardrobe.choosing import Traits, traits_of
 from avatargen.wardrobe.dressed import DressedField
-from avatargen.wardrobe.makehuman.choose import Attributes, Draw, Item, choose, draw_latent
+from avatargen.wardrobe.makehuman.choose import DRESS, Attributes, Draw, Item, choose, draw_latent
 from avatargen.wardrobe.makehuman.condition import condition
+from avatargen.wardrobe.makehuman.grooming import hairdo_of
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.words import garment_word, hair_word
 from avatargen.wardrobe.stature import Sizing
+from avatargen.wardrobe.worn_hair import WornHair
 
 LOW, HIGH = (-1.05, -1.2, -0.35), (1.05, 1.0, 0.4)  # m; what a person's clothes and hair stay within
 
@@ -80,12 +82,12 @@ class DressedSampler:
         require_seed(seed)
         require_truncation(truncation)
         chosen = traits if isinstance(traits, Traits) else traits_of(traits or {})
-        z = draw_latent(seed)
+        z = truncation * draw_latent(seed)
+        person = self.choose(Draw(z))
         if chosen.given():
             require_shown(chosen, truncation, coded=True, sizing=self.sizing)
-            z = condition(z, chosen, lambda latent: self.choose(Draw(latent)), self.had())
-        draw = Draw(truncation * z)
-        person = self.choose(draw)
+            z, person = condition(z, chosen, self)
+        draw = Draw(z)
         if wear:
             from avatargen.wardrobe.makehuman.borrow import borrow  # most people wear their own
 
@@ -110,11 +112,14 @@ class DressedSampler:
     def had(self) -> dict[str, set[str]]:
         """Words of what there is to wear, by trait."""
         words: dict[str, set[str]] = {
-            name: set() for name in ("hair", "top", "bottom", "outer", "shoes", "hat")
+            name: set() for name in ("hair", "top", "bottom", "overall", "outer", "shoes", "hat")
         }
         for each in self.config.garments:
             if each.kind == "hair":
                 words["hair"].add(hair_word(each.name))
+            elif each.kind == DRESS:
+                words["top"].add(DRESS)
+                words["bottom"].add(DRESS)
             elif each.kind in words:
                 words[each.kind].add(garment_word(each.name, each.kind))
         words["hair"].add(hair_word(None))
@@ -125,18 +130,20 @@ class DressedSampler:
         require_seed(seed)
         return self.choose(Draw(truncation * draw_latent(seed)))
 
-    def choose(self, draw: Draw) -> Attributes:
-        """What the person of a draw is and wears."""
+    def choose(self, draw: Draw, items: Mapping[str, Item] | None = None) -> Attributes:
+        """What the person of a draw is and wears, out of all there is or out of these items."""
         skin = self.config.skin
-        return choose(draw, self.items, list(skin.skins), list(skin.irises))
+        return choose(draw, self.items if items is None else items, list(skin.skins), list(skin.irises))
 
-    @cached_property
+    @property
+    def irises(self) -> tuple[str, ...]:
+        """Colours of eyes."""
+        return tuple(self.config.skin.irises)
+
+    @property
     def items(self) -> Mapping[str, Item]:
         """What there is to choose among."""
-        skin = self.config.skin
-        drawn = [DrawnItem(name=name, kind="brows") for name in skin.brows]
-        drawn += [DrawnItem(name=name, kind="lashes") for name in skin.lashes]
-        return {each.name: each for each in (*self.config.garments, *drawn)}
+        return {each.name: each for each in self.config.garments}
 
     def dress(self, person: Attributes) -> DressedField:
         """The field of a person."""
@@ -155,7 +162,8 @@ class DressedSampler:
         ]
         hair = None
         if person.hair is not None:
-            hair = WornGarment(ready=self.ready(person.hair), appearance=HairDye(dye=person.hair_colour))
+            volume = LearnedHair(ready=self.ready(person.hair))
+            hair = WornHair(volume=volume, hairdo=hairdo_of(person), body=self.fitted)
         return DressedField(
             body=self.fitted,
             distance=self.distance,
@@ -174,16 +182,6 @@ class DressedSampler:
         if height is not None:
             betas = self.sizing.sized(betas, torch.full((1, 1), height))
         return betas[0].numpy()
-
-
-@dataclass(frozen=True, kw_only=True)
-class DrawnItem:
-    """What is drawn on the face and is no garment."""
-
-    name: str
-    kind: str
-    tags: tuple[str, ...] = ()
-    own_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def load_dressed_sampler(weights: str | Path, body: str | Path | Body | None = None) -> DressedSampler:

@@ -6,6 +6,7 @@ from avatargen.errors import InputError
 
 EXTRA_OF = {
     "accelerate": "train",
+    "ai_edge_litert": "photo",
     "av": "film",
     "embreex": "train",
     "matplotlib": "bench",

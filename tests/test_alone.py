@@ -9,13 +9,13 @@ from avatargen.body.model import canonical_body
 from avatargen.errors import InputError
 from tests.bodies import capsule_body
 
-SEEDS = (6, 7)  # a hat and a suit; a jacket over a shirt
+PEOPLE = ({"top": "suit", "hat": "hat"}, {"top": "shirt", "outer": "jacket"})
 
 
 @pytest.fixture(scope="module")
 def people():
     generator = load_generator()
-    return [generator.sample(seed) for seed in SEEDS]
+    return [generator.sample(2, traits={"gender": "man"} | traits) for traits in PEOPLE]
 
 
 def around(avatar, count: int, spread: float) -> np.ndarray:

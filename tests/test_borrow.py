@@ -6,8 +6,11 @@ import pytest
 
 from avatargen import load_generator
 from avatargen.errors import InputError
+from avatargen.wardrobe.face_paint import FaceLines
+from avatargen.wardrobe.hairline import Hairline
 from avatargen.wardrobe.makehuman.borrow import borrow, worn_by
 from avatargen.wardrobe.makehuman.choose import Attributes
+from avatargen.wardrobe.makehuman.hairs import HairWorn
 
 PLAIN = Attributes(
     sex="woman",
@@ -17,10 +20,11 @@ PLAIN = Attributes(
     skin_mix=0.0,
     skin_tint=(1.0, 1.0, 1.0),
     eyes="blue",
-    brows="",
-    lashes="",
+    face=FaceLines(brow_width=0.5, brow_arch=0.5, lashes=0.5),
     hair=None,
     hair_colour=(0.1, 0.1, 0.1),
+    hair_worn=HairWorn(mirrored=False, length=0.5, line=Hairline(), shaved=False),
+    beard="none",
     garments=(),
     colours=(),
     kinds=(),
@@ -48,6 +52,7 @@ def wearing(whose: str, *kinds: str) -> Attributes:
 OWN = wearing("my", "socks", "shoes", "bottom", "top")
 OTHER = wearing("their", "socks", "shoes", "bottom", "top", "outer", "hat")
 OVERALL = wearing("an", "socks", "shoes", "overall")
+DRESSED = wearing("her", "shoes", "dress", "hat")
 
 
 @pytest.mark.parametrize(
@@ -58,6 +63,8 @@ OVERALL = wearing("an", "socks", "shoes", "overall")
         (OWN, ("shoes",), ["their socks", "their shoes", "my bottom", "my top"]),
         (OVERALL, ("top",), ["an socks", "an shoes", "an overall", "their top"]),
         (OVERALL, ("top", "bottom"), ["an socks", "an shoes", "their bottom", "their top"]),
+        (DRESSED, ("top", "bottom"), ["her shoes", "their bottom", "their top", "her hat"]),
+        (DRESSED, ("shoes",), ["their socks", "their shoes", "her dress", "her hat"]),
     ],
 )
 def test_what_is_borrowed_takes_the_place_of_what_was_worn(person, wear, worn):
@@ -73,6 +80,15 @@ def test_an_overall_takes_the_place_of_top_and_bottom():
     assert [each.garment for each in worn_by(found)] == ["my socks", "my shoes", "an overall"]
 
 
+@pytest.mark.parametrize("person", [OWN, OVERALL])
+def test_a_dress_takes_the_place_of_all_but_shoes(person):
+    found = borrow(person, lambda seed: DRESSED, {"dress": 1})
+    assert [each.kind for each in worn_by(found)] == ["socks", "shoes", "dress"]
+    facts = found.facts()
+    assert facts["top"] == facts["bottom"] == "dress" and facts["overall"] == "none"
+    assert facts["top_color"] == "blue" and "bottom_color" not in facts
+
+
 def test_several_lend():
     found = borrow(OWN, {1: OTHER, 2: OVERALL}.__getitem__, {"hat": 1, "shoes": 2})
     assert found.garments == ("an socks", "an shoes", "my bottom", "my top", "their hat")
@@ -84,6 +100,8 @@ def test_several_lend():
         (OWN, OVERALL, {"outer": 8}, "seed 8 wears no outer; it wears shoes, overall"),
         (OWN, OTHER, {"scarf": 8}, "wanted one of top"),
         (OVERALL, OTHER, {"bottom": 8}, "borrow a top as well"),
+        (DRESSED, OTHER, {"bottom": 8}, "borrow a top as well"),
+        (DRESSED, OTHER, {"top": 8}, "borrow a bottom as well"),
     ],
 )
 def test_what_cannot_be_borrowed_is_said(person, lender, wear, words):

@@ -24,7 +24,7 @@ PROJECT = Path(__file__).parents[1]
         ("avatargen completion ", ["bash", "zsh", "fish"]),
         ("avatargen none ", []),
         ("avatargen none --", []),
-        ("avatar-export 3 --ha", ["--hair", "--hair-color", "--hat"]),
+        ("avatar-export 3 --ha", ["--hair", "--hair-color", "--hat", "--hat-color"]),
         (".venv/bin/avatar-export --ends --mi", ["--mirror"]),
         ("avatargen export --scene ", ["hero", "game", "crowd", "print", "ar", "still"]),
         ("avatar-export --hair b", ["bald", "bob", "bun"]),
@@ -74,7 +74,12 @@ def test_shells_offer_what_the_command_does(shell: str, tmp_path: Path) -> None:
     if found is None:
         pytest.skip(f"{shell} is not installed")
     assert complete(found, "avatargen data ", tmp_path) == ["prepare", "synth"]
-    assert complete(found, "avatar-export 3 --ha", tmp_path) == ["--hair", "--hair-color", "--hat"]
+    assert complete(found, "avatar-export 3 --ha", tmp_path) == [
+        "--hair",
+        "--hair-color",
+        "--hat",
+        "--hat-color",
+    ]
     assert complete(found, "avatar-export --scene h", tmp_path) == ["hero"]
 
 

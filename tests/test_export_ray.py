@@ -44,6 +44,11 @@ def cluster() -> Iterator[str]:
                 yield found
             finally:
                 run.send_signal(signal.SIGINT)
+                with suppress(subprocess.TimeoutExpired):  # some versions do not heed it
+                    run.wait(20)
+                for process in ours():
+                    with suppress(OSError):
+                        os.kill(process, signal.SIGKILL)
                 run.wait(60)
 
 
@@ -52,14 +57,23 @@ def address_in(folder: Path) -> str | None:
     return path.read_text().strip() if path.exists() else None
 
 
-def makers() -> list[int]:
-    """Processes of this test's cluster that make avatars."""
+def ours() -> list[int]:
+    """Processes of this test's cluster."""
     found = []
     for entry in Path("/proc").iterdir():
         with suppress(OSError):
-            ours = entry.name.isdigit() and MARK.encode() in (entry / "environ").read_bytes()
-            if ours and (entry / "cmdline").read_bytes().startswith(b"ray::Maker"):
+            if entry.name.isdigit() and MARK.encode() in (entry / "environ").read_bytes():
                 found.append(int(entry.name))
+    return found
+
+
+def makers() -> list[int]:
+    """Those that make avatars."""
+    found = []
+    for process in ours():
+        with suppress(OSError):
+            if Path(f"/proc/{process}/cmdline").read_bytes().startswith(b"ray::Maker"):
+                found.append(process)
     return found
 
 

@@ -22,6 +22,7 @@ from tests import cli_page
 
 WALKING = ("--seed", "3", "--clip", "walk")
 APART = ("--seed", "3", "--parts", "separate")
+PHOTO = ("--photo", "a.jpg")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
 CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -38,23 +39,36 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--mesher": (ONE, (*ONE, "--mesher", "marching-cubes")),
     "--simplifier": (ONE, (*ONE, "--simplifier", "pymeshlab")),
     "--wear": (ONE, (*ONE, "--wear", "8:top,outer")),
+    "--photo": (PHOTO, (*PHOTO, "--photo", "b.jpg")),
+    "--mask": (PHOTO, (*PHOTO, "--mask", "a.png")),
+    "--texture-from": (PHOTO, (*PHOTO, "--texture-from", "field")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
     "--age": (ONE, (*ONE, "--age", "old")),
+    "--text": (ONE, (*ONE, "--text", "a tall man in a red shirt")),
+    "--figure": (ONE, (*ONE, "--figure", "slim")),
+    "--stature": (ONE, (*ONE, "--stature", "tall")),
+    "--eyes": (ONE, (*ONE, "--eyes", "blue")),
     "--skin": (ONE, (*ONE, "--skin", "dark")),
     "--hair": (ONE, (*ONE, "--hair", "long")),
     "--hair-color": (ONE, (*ONE, "--hair-color", "grey")),
     "--beard": (ONE, (*ONE, "--beard", "full")),
     "--hat": (ONE, (*ONE, "--hat", "beanie")),
+    "--hat-color": (ONE, (*ONE, "--hat-color", "navy")),
     "--top": (ONE, (*ONE, "--top", "shirt")),
     "--top-color": (ONE, (*ONE, "--top-color", "blue")),
+    "--pattern": (ONE, (*ONE, "--pattern", "checks")),
+    "--pattern-color": (ONE, (*ONE, "--pattern-color", "white")),
     "--sleeves": (ONE, (*ONE, "--sleeves", "short")),
     "--bottom": (ONE, (*ONE, "--bottom", "skirt")),
     "--bottom-color": (ONE, (*ONE, "--bottom-color", "black")),
+    "--overall": (ONE, (*ONE, "--overall", "overall")),
+    "--overall-color": (ONE, (*ONE, "--overall-color", "blue")),
     "--outer": (ONE, (*ONE, "--outer", "coat")),
     "--outer-color": (ONE, (*ONE, "--outer-color", "black")),
     "--shoes": (ONE, (*ONE, "--shoes", "boots")),
+    "--shoes-color": (ONE, (*ONE, "--shoes-color", "#7a1f2b")),
     "--height": (ONE, (*ONE, "--height", "1.75m")),
     "--traits": (ONE, (*ONE, "--traits", "a.json")),
     "--out": (ONE, (*ONE, "--out", "a.glb")),
@@ -121,7 +135,7 @@ OPTIONS = [action for action in make_parser()._actions if name_of(action) not in
 @pytest.fixture(autouse=True)
 def in_a_folder_with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for name in ("a.npz", "b.npz", "a.safetensors"):
+    for name in ("a.npz", "b.npz", "a.safetensors", "a.jpg", "b.jpg", "a.png"):
         Path(name).write_bytes(b"as it was")
     Path("a.json").write_text('{"hair": "bob"}')
     Path("folder").mkdir()
@@ -164,21 +178,24 @@ def test_every_field_of_a_request_is_reached_by_an_option() -> None:
     }
     reached |= changed_fields(parse(ONE), parse([*ONE, "--pose", "t"]))
     reached |= changed_fields(parse(ONE), parse([*ONE, "--scene", "print"]))
+    reached |= changed_fields(parse(PHOTO), parse([*PHOTO, "--pose", "photo"]))
     names = [each.name for each, _ in settings(parse(ONE))]
     assert len(names) == len(set(names)), "two fields of one name hide each other"
-    assert set(names) - reached == {"head_detail", "on_ground"}  # of BuildConfig, without an option
+    # what `avatargen edit` says, and of BuildConfig what has no option
+    assert set(names) - reached == {"change", "head_detail", "on_ground"}
 
 
-@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion"])
+@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion", "--mask"])
 def test_files_enter_by_their_contents(option: str) -> None:
     name = CHANGES[option][1][-1]
-    before = fingerprint(parse([*ONE, option, name]))
+    words = CHANGES[option][0]
+    before = fingerprint(parse([*words, option, name]))
     Path("elsewhere").mkdir()
     moved = Path("elsewhere") / name
     moved.write_bytes(Path(name).read_bytes())
-    assert fingerprint(parse([*ONE, option, str(moved)])) == before
+    assert fingerprint(parse([*words, option, str(moved)])) == before
     Path(name).write_bytes(b"as it is now")
-    assert fingerprint(parse([*ONE, option, name])) != before
+    assert fingerprint(parse([*words, option, name])) != before
 
 
 def test_a_motion_s_name_is_in_the_file_and_so_is_its_order() -> None:
@@ -317,6 +334,7 @@ def test_help_and_the_page_of_options_tell_the_defaults() -> None:
     words = {"content", "format", "out", "normal_map", "jobs", "wardrobe"}  # whose default is no value
     usual = {each.name: value for each, value in settings(parse(ONE))}
     usual |= {"texture_format": usual["pictures"], "compress": "none", "ambient_occlusion": "0"}
+    usual["mask"] = "found by the networks"
     told = {each.dest: cli_page.default_of(each) for each in OPTIONS if cli_page.default_of(each)}
     assert words <= set(told)
     for dest in set(told) - words:

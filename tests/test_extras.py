@@ -63,4 +63,4 @@ def test_a_cluster_without_ray_is_one_line(
 def test_every_library_is_in_the_extra_that_is_named() -> None:
     extras = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     for library, extra in EXTRA_OF.items():
-        assert library in {line.split(">")[0] for line in extras[extra]}
+        assert library in {line.split(">")[0].replace("-", "_") for line in extras[extra]}

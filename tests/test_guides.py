@@ -14,7 +14,7 @@ from PIL import Image
 
 from avatargen.body.joints import JOINT_NAMES
 from avatargen.body.pose import load_pose
-from avatargen.commands.export.options import parse
+from avatargen.commands.export.options import make_request, parse, read
 from avatargen.motion.amass import load_motion
 from exporters import export
 from tests import browser
@@ -24,7 +24,12 @@ from tests.verdicts import JUDGES, PROJECT
 GUIDES = PROJECT / "docs" / "guides"
 PAGES = [PROJECT / "README.md", *sorted(GUIDES.glob("*.md"))]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-SHOWN = ("avatar-export --seed", "avatar-export 3")  # with a person; others stand for the command itself
+SHOWN = (
+    "avatar-export --seed",
+    "avatar-export 3",
+    "avatar-export --text",
+    "avatargen edit",
+)  # with a person; others stand for the command itself
 LINK = re.compile(r"\[[^\]]*\]\(([^)#\s]+)(?:#[^)]*)?\)")
 
 
@@ -38,7 +43,9 @@ def run_python(page: Path) -> None:
         exec(compile(block, page.name, "exec"), names)  # noqa: S102  our own pages
 
 
-@pytest.mark.parametrize("name", ["README.md", "python.md", "own_data.md", "choosing.md", "clothes.md"])
+@pytest.mark.parametrize(
+    "name", ["README.md", "python.md", "own_data.md", "choosing.md", "clothes.md", "text.md"]
+)
 def test_python_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (page,) = [page for page in PAGES if page.name == name and blocks(page, "python")]
     monkeypatch.chdir(tmp_path)
@@ -60,7 +67,7 @@ def commands() -> list[list[str]]:
         lines = [line for _, block in FENCE.findall(text) for line in block.splitlines()]
         lines += re.findall(r"`([^`\n]+)`", FENCE.sub("", text))
         found |= {line.split("#")[0].strip() for line in lines if line.startswith(SHOWN)}
-    return [shlex.split(line)[1:] for line in sorted(found)]
+    return [shlex.split(line) for line in sorted(found)]
 
 
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
@@ -71,7 +78,10 @@ def test_commands_are_accepted(words: list[str], tmp_path: Path, monkeypatch: py
         if word.endswith((".npz", ".pkl", ".safetensors")):
             Path(word).parent.mkdir(parents=True, exist_ok=True)
             Path(word).touch()
-    parse(words)
+    if words[0] == "avatargen":
+        make_request(read(words[2:], change=True))
+    else:
+        parse(words[1:])
 
 
 def test_links_lead_somewhere() -> None:

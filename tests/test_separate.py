@@ -14,13 +14,12 @@ from typing import Any
 import igl
 import numpy as np
 import pytest
-import torch
 
 from assets import BuildConfig
-from assets.asset.asset import Asset, AssetInfo, Part, apart
+from assets.asset.asset import Asset, Part, apart
 from assets.asset.drop import faces_left, without_hidden
 from assets.asset.levels import with_levels
-from assets.asset.parts import join
+from assets.asset.parts import join, keep
 from assets.errors import GeometryError
 from assets.mesh.surface import Surface, count_pieces, find_defects
 from assets.poke import depth_outside, poke_through, surface_of
@@ -28,90 +27,23 @@ from assets.separate import Hidden, build_parts
 from assets.skin.attach import attach
 from assets.skin.follow import Above, follow
 from assets.skin.skin import SkinConfig, skin_attached
-from avatargen.body.model import CanonicalBody, canonical_body
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 from exporters.check_usd import check_usd
 from exporters.check_vrm import check_vrm
 from exporters.export import export
 from exporters.read_glb import read_glb
-from tests.bodies import capsule_body
+from tests.layered import Dressed, Layer, person
 from tests.shapes import icosphere
 from tests.verdicts import JUDGES, blender_python, khronos_issues
 
 CONFIG = BuildConfig(resolution=96, faces=2400, texture=64)
 ARRAYS = ("vertices", "normals", "faces", "canonical", "joints", "weights")
-SHIRT, SHOE = (-0.5, 1.0, 0.5, 1.45), 0.13  # m: the shirt's box; radius of a ball about each foot
-
-
-@dataclass(frozen=True)
-class Layer:
-    """The capsule's skin, a shirt over it, or a pair of balls for shoes."""
-
-    name: str
-    body: CanonicalBody
-    betas: np.ndarray
-    info: AssetInfo
-
-    @property
-    def bounds(self):
-        return np.stack([self.body.vertices.min(axis=0) - 0.15, self.body.vertices.max(axis=0) + 0.15])
-
-    def sdf(self, points):
-        places = points.numpy()
-        skin = self.body.distance.query(places).distance
-        if self.name == "body":
-            found = skin - 0.004
-        elif self.name == "top":
-            found = np.maximum(skin - 0.016, self.box(places))
-        else:
-            feet = self.body.joints[[self.body.joint_names.index(f"{s}_ankle") for s in ("left", "right")]]
-            found = np.linalg.norm(places[:, None] - feet, axis=2).min(axis=1) - SHOE
-        return torch.from_numpy(found.astype(np.float32))
-
-    def box(self, places):
-        """Metres outside the shirt's ends."""
-        low_x, low_y, high_x, high_y = SHIRT
-        x, y = places[:, 0], places[:, 1]
-        return np.max([low_x - x, x - high_x, low_y - y, y - high_y], axis=0)
-
-    def color(self, points):
-        return 0.5 + 0.3 * torch.sin(3 * points + len(self.name))
-
-    def cover(self, points):
-        if self.name == "body":
-            return np.zeros(len(points))
-        within = self.sdf(torch.from_numpy(points.astype(np.float32))).numpy() < 0
-        ends = -self.box(points) if self.name == "top" else np.full(len(points), 1.0)
-        return within * np.clip((ends - 0.02) / 0.03, 0, 1)
-
-
-@dataclass(frozen=True)
-class Dressed(Layer):
-    """All of them."""
-
-    @property
-    def layers(self):
-        parts = ("body", "shoes", "top")
-        return {name: Layer(name, self.body, self.betas, self.info) for name in parts}
-
-    @property
-    def hidden(self) -> np.ndarray:
-        covers = [layer.cover(self.body.vertices.astype(np.float64)) for layer in self.layers.values()]
-        return np.sum(covers, axis=0) > 0.3
 
 
 def taken(asset: Asset) -> dict[str, Any]:
     """Its parts by name, with all that these may have."""
     return dict(apart(asset))
-
-
-@functools.cache
-def person() -> Dressed:
-    body = canonical_body(capsule_body())
-    betas = np.array([1.0, -0.5, 0.25], dtype=np.float32)
-    info = AssetInfo(seed=3, weights_hash="ab" * 32, version="0.1.0", licence="CC0-1.0")
-    return Dressed("person", body, betas, info)
 
 
 @functools.cache
@@ -262,6 +194,24 @@ def test_parts_come_apart_as_they_were_joined():
         assert np.abs(part.uv - again[name].uv).max() < 1e-6
         assert np.array_equal(part.normal_map.texels, again[name].normal_map.texels)
         assert np.array_equal(part.morphs[3].vertices, again[name].morphs[3].vertices)
+
+
+@pytest.mark.parametrize("names", [{"top"}, {"shoes", "body"}, {"body", "shoes", "top"}])
+def test_some_parts_are_kept_as_they_are(names):
+    whole = built("keep", normal_map=32, ambient_occlusion=32, morphs=True)
+    some, every = taken(keep(whole, names)), taken(whole)
+    assert list(some) == [name for name in every if name in names]
+    for name, part in some.items():
+        for field in (*ARRAYS, "texture", "occlusion", "uv"):
+            assert np.array_equal(getattr(part, field), getattr(every[name], field)), field
+        assert np.array_equal(part.normal_map.tangents, every[name].normal_map.tangents)
+        assert np.array_equal(part.morphs[3].vertices, every[name].morphs[3].vertices)
+        assert find_defects(canonical(part)) == find_defects(canonical(every[name]))
+
+
+def test_a_part_that_is_not_there_cannot_be_kept():
+    with pytest.raises(InputError, match="found none of cape among body, shoes, top"):
+        keep(built("keep"), {"cape"})
 
 
 def test_every_sum_of_sliders_moves_all_parts_together():

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.request import Request, urlopen
 
@@ -24,6 +25,7 @@ from PIL import Image
 from pygltflib import GLTF2
 
 from assets import Asset, BuildConfig, with_levels
+from assets.asset.asset import part_names
 from assets.asset.bones import aim_bones
 from assets.asset.levels import level_error
 from assets.errors import GeometryError
@@ -40,6 +42,7 @@ from exporters import FORMATS, export, glb
 from exporters.read_glb import read_glb
 from tests import browser
 from tests.bodies import capsule_body
+from tests.layered import person
 from tests.verdicts import require
 
 try:
@@ -222,9 +225,49 @@ def test_a_person_is_built_once_and_the_last_few_are_kept(
     own = People(page.people.sampler, page.people.settings)
     for seed in (0, 1, 2, 3, 0, 4, 0, 1):
         person = own.get(Wish(seed, faces=4000), quiet)
-        assert person.avatar.seed == seed
+        assert person.avatar.info.seed == seed
     assert built == [(seed, 200) for seed in (0, 1, 2, 3, 4, 1)]  # 1 had made room for 4
     assert len(own.kept) == KEPT
+
+
+def test_clothes_come_off_and_go_on_again(server: PrivateServer, tmp_path: Path) -> None:
+    with opened(server) as tab:
+        sampler: Any = SimpleNamespace(body=person().body, weights_hash="", sample=lambda *given: person())
+        people = People(
+            sampler,
+            lambda faces: BuildConfig(resolution=64, faces=faces // 10, texture=64),
+        )
+        page = Page(tab, people, 3, lambda page: None)
+        page.step()
+        assert page.asset is not None and not page.parts and not page.level.disabled
+        page.in_parts.value = True
+        settle(page)
+        whole = page.asset
+        assert tuple(page.parts) == part_names(whole) == ("body", "shoes", "top") and page.level.disabled
+        page.parts["top"].value = False
+        settle(page)
+        assert part_names(page.asset) == ("body", "shoes")
+        name, data = page.file()  # of what is shown
+        (tmp_path / name).write_bytes(data)
+        assert part_names(read_glb(tmp_path / name)) == ("body", "shoes")
+        page.shown.value = "error"
+        settle(page)
+        assert "the error is shown of one mesh" in page.status.content
+        page.shown.value = "texture"
+        page.parts["top"].value = True
+        settle(page)
+        assert page.asset is whole
+        page.in_parts.value = False
+        settle(page)
+        assert not page.parts and part_names(page.asset) == () and not page.level.disabled
+        page.closed = True
+
+
+def test_clothes_of_people_who_are_one_field_stay_on(page: Page) -> None:
+    page.in_parts.value = True
+    settle(page)
+    assert "this person is one field" in page.status.content
+    assert not page.in_parts.value
 
 
 def test_wishes_that_pile_up_are_drawn_once(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:

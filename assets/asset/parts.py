@@ -15,7 +15,7 @@ of that picture, the others' a quarter: there is room for twelve.
 Letters: S texels along a side of the whole.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
 from typing import TypeVar
@@ -78,6 +78,41 @@ def join(parts: Mapping[str, Asset], report: Report | None = None) -> Asset:
             Part(name=name, vertices=v, faces=f, corner=c, side=side)
             for name, v, f, c, side in zip(parts, vertices, faces, corners, sides, strict=False)
         ),
+    )
+
+
+def keep(asset: Asset, names: Collection[str]) -> Asset:
+    """The asset with only some of its parts, in the order that they have. Pictures stay whole.
+
+    Raises:
+        InputError: it has none of them.
+    """
+    kept = [part for part in asset.parts if part.name in names]
+    if not kept:
+        raise InputError(
+            f"parts: found none of {', '.join(sorted(names)) or 'nothing'} among "
+            f"{', '.join(part.name for part in asset.parts) or 'no parts'}; name some of those"
+        )
+    rows = np.concatenate([np.arange(*part.vertices) for part in kept])
+    vertices = bounds(part.vertices[1] - part.vertices[0] for part in kept)
+    faces = bounds(part.faces[1] - part.faces[0] for part in kept)
+    normal_map = asset.normal_map
+    if normal_map is not None:
+        normal_map = replace(normal_map, tangents=normal_map.tangents[rows])
+    welded = None if asset.welded is None else np.unique(asset.welded[rows], return_inverse=True)[1]
+    return replace(
+        asset,
+        vertices=asset.vertices[rows],
+        normals=asset.normals[rows],
+        faces=shifted([asset.faces[slice(*p.faces)] - p.vertices[0] for p in kept], vertices),
+        welded=None if welded is None else welded.reshape(-1).astype(np.int64),
+        canonical=None if asset.canonical is None else asset.canonical[rows],
+        uv=asset.uv[rows],
+        normal_map=normal_map,
+        joints=asset.joints[rows],
+        weights=asset.weights[rows],
+        morphs=tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs),
+        parts=tuple(replace(p, vertices=v, faces=f) for p, v, f in zip(kept, vertices, faces, strict=True)),
     )
 
 

@@ -41,9 +41,19 @@ COMMANDS = (
         function="avatargen.commands.export.avatar_export:main",
     ),
     Command(
+        words=("edit",),
+        summary="change a seed's person by a line of text: in a red shirt, taller, without the hat",
+        function="avatargen.commands.export.avatar_export:edit",
+    ),
+    Command(
         words=("body", "convert"),
         summary="read an SMPL .pkl safely and save it as .npz",
         function="avatargen.commands.learn.body_convert:main",
+    ),
+    Command(
+        words=("photo-models",),
+        summary="get the networks that avatar-export --photo reads photographs with",
+        function="avatargen.commands.learn.photo_models:main",
     ),
     Command(
         words=("data", "synth"),

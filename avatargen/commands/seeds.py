@@ -9,7 +9,7 @@ from avatargen.commands.line import LARGEST_SEED
 RANDOM = "random"
 DRAWN_BELOW = 10**9  # short enough to be typed again
 MOST_SEEDS = 1_000_000
-LENT = ("top", "bottom", "overall", "outer", "shoes", "hat")  # garments that a seed can lend
+LENT = ("top", "bottom", "dress", "overall", "outer", "shoes", "hat")  # garments that a seed can lend
 
 
 def one_seed(text: str) -> int | str:

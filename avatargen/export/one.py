@@ -21,7 +21,7 @@ from avatargen.body.pose import load_pose
 from avatargen.errors import InputError
 from avatargen.export.fitting import build_fitted
 from avatargen.export.motions import finish_motions, load_motions
-from avatargen.export.people import People, open_people
+from avatargen.export.people import People, Photographed, open_people
 from avatargen.export.report import Made, make_report
 from avatargen.export.request import ExportRequest
 from avatargen.motion.motion import Motion
@@ -33,6 +33,7 @@ SHARES = {
     "load": 0.15,
     "sample": 0.2,
     "build": 0.25,
+    "paint": 0.92,
     "levels": 0.93,
     "animate": 0.94,
     "encode": 0.95,
@@ -132,7 +133,8 @@ def check_outputs(request: ExportRequest, path: Path) -> None:
     for output in outputs:
         check_writable(output)
     targets = different_targets(outputs)
-    for source in (request.weights, request.body, request.pose_file, *request.motions):
+    read = (request.weights, request.body, request.pose_file, *request.motions, *request.photos, request.mask)
+    for source in read:
         if source is not None and source.resolve() in targets:
             raise InputError(f"cannot write {source}: it is read as well; give another --out or --report")
 
@@ -159,9 +161,14 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
     Raises:
         AvatarGenError: the seed's field is bad, or the body lacks what is asked for.
     """
-    request, settings = workshop.request, workshop.settings
+    request, settings, people = workshop.request, workshop.settings, workshop.people
     with watch.stage("sample"):
-        avatar = workshop.people.sample(seed)
+        avatar = people.sample(seed)
+    photographed = people if isinstance(people, Photographed) else None
+    if photographed is not None and request.photo_pose:
+        settings = replace(
+            settings, pose=photographed.pose(body_on(people.body, settings.joints).joint_names)
+        )
     fit = None
     if request.chosen:
         fit = build_fitted(avatar, settings, request, watch.total(), watch.show_build)
@@ -173,6 +180,9 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
     report, motions = asset.report, ()
     assert report is not None  # only assets that were not built have none
     watch.seconds.update(report.seconds)
+    if photographed is not None and request.texture_from == "photo":
+        with watch.stage("paint"):
+            asset = photographed.painted(asset)
     if request.levels:
         with watch.stage("levels"):
             asset = with_levels(asset, request.levels)
@@ -180,7 +190,15 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
         with watch.stage("animate"):
             motions = finish_motions(request, workshop.motions, asset)
             asset = rename_joints(animate(asset, motions, settings.on_ground), request.names)
-    return Made(asset=asset, report=report, settings=settings, motions=motions, avatar=avatar, fit=fit)
+    return Made(
+        asset=asset,
+        report=report,
+        settings=settings,
+        motions=motions,
+        avatar=avatar,
+        fit=fit,
+        found=None if photographed is None else photographed.found,
+    )
 
 
 def build_separate(

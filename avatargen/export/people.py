@@ -4,7 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+import numpy as np
+from jaxtyping import Float
+
 import avatargen
+from assets.asset.asset import PlainAsset
 from assets.build_config import AvatarFields
 from avatargen.avatar import Avatar, Sampler, shipped
 from avatargen.body.load import load_body
@@ -26,6 +30,27 @@ class People(Protocol):
     def sample(self, seed: int) -> AvatarFields: ...
 
 
+@runtime_checkable
+class Found(Protocol):
+    """What a photograph told of a person, for reports and in lines."""
+
+    def facts(self) -> dict[str, object]: ...
+
+    def lines(self) -> list[str]: ...
+
+
+@runtime_checkable
+class Photographed(People, Protocol):
+    """The person of photographs. What was found is known once that person was sampled."""
+
+    @property
+    def found(self) -> Found: ...
+
+    def pose(self, joint_names: tuple[str, ...]) -> Float[np.ndarray, "J 3"]: ...
+
+    def painted(self, asset: PlainAsset) -> PlainAsset: ...
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChosenPeople:
     """The generator's people, under the traits that were chosen and in what they borrow."""
@@ -40,6 +65,25 @@ class ChosenPeople:
 
     def sample(self, seed: int) -> Avatar:
         return self.sampler.sample(seed, traits=self.traits, wear=self.wear)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DescribedPeople:
+    """The generator's people as a text says, under the traits that were chosen besides."""
+
+    chosen: ChosenPeople
+    text: str
+    change: bool  # of each seed's own person
+
+    @property
+    def body(self) -> CanonicalBody:
+        return self.chosen.body
+
+    def sample(self, seed: int) -> Avatar:
+        from avatargen.text.person import drawn
+
+        people = self.chosen
+        return drawn(people.sampler, seed, self.text, self.change, people.traits, people.wear)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,9 +107,14 @@ def open_people(request: ExportRequest) -> People:
     Raises:
         InputError: a file is missing or damaged, or a wardrobe does not fit the body.
     """
+    if request.photos:
+        from avatargen.export.photographs import PhotoPeople  # most people are drawn
+
+        return PhotoPeople(request)
     if request.source == "generator":
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
-        return ChosenPeople(sampler=sampler, traits=request.traits, wear=dict(request.wear))
+        people = ChosenPeople(sampler=sampler, traits=request.traits, wear=dict(request.wear))
+        return people if request.text is None else described(people, request.text, change=request.change)
     body = canonical_body(load_body(request.body or shipped("body.npz")))
     if request.wardrobe is None:
         from avatargen.wardrobe.procedural import ProceduralWardrobe
@@ -74,3 +123,12 @@ def open_people(request: ExportRequest) -> People:
     from avatargen.artist_wardrobe import ArtistWardrobe
 
     return BorrowingPeople(wardrobe=ArtistWardrobe(request.wardrobe, body), wear=dict(request.wear))
+
+
+def described(people: ChosenPeople, text: str, *, change: bool) -> DescribedPeople:
+    """People as a text says. Raises InputError where nothing of it can be made."""
+    from avatargen.text.person import offered_by, understand
+
+    if not change:  # else it depends on who is changed
+        understand(text, offered_by(people.sampler))
+    return DescribedPeople(chosen=people, text=text, change=change)

@@ -10,6 +10,7 @@ from avatargen.export.fingerprint import facts
 from avatargen.export.fitting import Fit
 from avatargen.export.left_out import savings
 from avatargen.export.motions import motion_facts
+from avatargen.export.people import Found
 from avatargen.export.request import ExportRequest
 from avatargen.motion.motion import Motion
 
@@ -24,6 +25,7 @@ class Made:
     motions: tuple[Motion, ...]
     avatar: AvatarFields
     fit: Fit | None  # where settings were chosen
+    found: Found | None = None  # in photographs
 
 
 def make_report(
@@ -45,6 +47,7 @@ def make_report(
         "licence": asset.info.licence,
         "height_m": asset.info.height_m and round(asset.info.height_m, 4),
         "attributes": dict(asset.info.facts) or None,
+        "photo": made.found.facts() if made.found else None,
         "vertices": len(asset.vertices),
         "faces": len(asset.faces),
         "parts": part_facts(asset),

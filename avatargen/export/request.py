@@ -17,7 +17,15 @@ from assets.build_config import BuildConfig
 from assets.content import CONTENTS
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source, check_wear
+from avatargen.export.rules import (
+    check_chosen,
+    check_one_or_many,
+    check_photos,
+    check_sheet,
+    check_source,
+    check_text,
+    check_wear,
+)
 from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
@@ -28,6 +36,7 @@ Source = Literal["generator", "wardrobe"]
 Parts = Literal["merged", "separate"]
 Hidden = Literal["drop", "keep"]
 Names = Literal["smpl", "mixamo", "unity", "unreal"]
+TextureFrom = Literal["photo", "field"]
 NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
 
 
@@ -49,13 +58,19 @@ class ExportRequest:
     weights: Path | None = None  # of another generator than the shipped one
     body: Path | None = None  # in SMPL's format: .npz or .pkl
     traits: Traits = field(default_factory=Traits)  # what was chosen of the people
+    text: str | None = None  # a line that says what the people are like; traits beside it win
+    change: bool = False  # the text says what is to be otherwise of each seed's own person
     wear: tuple[tuple[str, int], ...] = ()  # garments borrowed: what, and the seed that lends it
+    photos: tuple[Path, ...] = ()  # of one person, who takes the place of the seed's
+    mask: Path | None = None  # of the one photograph, the user's own: white where the person is
+    texture_from: TextureFrom = "photo"  # field: the photograph gives its colours alone, not its pixels
     # what: the asset
     build: BuildConfig = field(default_factory=BuildConfig)
     scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))
     parts: Parts = "merged"  # separate: body, garments and hair are meshes of their own
     hidden: Hidden = "drop"  # what clothes hide of a separate body
     pose_file: Path | None = None  # rotations that take the place of `build.pose`, .npz
+    photo_pose: bool = False  # the first photograph's pose takes its place
     tolerance_mm: float | None = None  # resolution and faces that keep 99 % of the surface within it
     budget_s: float | None = None  # resolution and faces that take so many seconds of the process
     levels: tuple[int, ...] = ()  # triangles of the coarser levels of detail, falling
@@ -90,9 +105,22 @@ class ExportRequest:
             source=self.source,
             wardrobe=self.wardrobe,
             weights=self.weights,
-            chosen=bool(self.traits.given()),
+            chosen=bool(self.traits.given()) or self.text is not None,
         )
+        check_text(self.text, change=self.change)
         check_wear(dict(self.wear), self.source, self.wardrobe, len(self.wear))
+        check_photos(
+            photos=self.photos,
+            mask=self.mask,
+            texture_from=self.texture_from,
+            posed=self.photo_pose,
+            many=self.many,
+            seeds_people=self.source != "generator"
+            or bool(self.wear)
+            or self.chosen
+            or self.text is not None,
+            traits=self.traits.given(),
+        )
         check_one_or_many(
             many=self.many,
             jobs=self.jobs,
@@ -136,7 +164,7 @@ class ExportRequest:
 
     def path_of(self, seed: int) -> Path:
         """Where the avatar of a seed goes."""
-        name = f"avatar_{seed}.{self.format}"
+        name = f"{self.photos[0].stem if self.photos else f'avatar_{seed}'}.{self.format}"
         if self.out is None:
             return Path(name)
         return self.out / name if self.many else self.out
@@ -161,7 +189,7 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
     build = request.build
     if CONTENTS.index(build.content) > CONTENTS.index(wanted.content):
         raise InputError(f"found --content {build.content}, but this format holds at most {wanted.content}")
-    pose: Any = build.pose if request.pose_file is None else request.pose_file
+    pose: Any = "photo" if request.photo_pose else request.pose_file or build.pose
     if wanted.rest_pose is not None and not (isinstance(pose, str) and pose == wanted.rest_pose):
         raise InputError(
             f"found --pose {pose}, but this format rests in pose {wanted.rest_pose}; leave --pose out"

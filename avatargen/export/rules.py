@@ -2,13 +2,16 @@
 loads any, and every request asks again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from avatargen.errors import InputError
 
 SHEETS = (".png", ".jpg", ".jpeg")
+MOST_PHOTOS = 12
+TOLD = ("gender", "age", "height")  # traits that somebody may tell of a person in a photograph
 MOST_ON_A_SHEET = 1_000
+LONGEST_TEXT = 2_000  # characters
 
 
 def check_one_or_many(
@@ -64,6 +67,16 @@ def check_source(*, source: str | None, wardrobe: Path | None, weights: Path | N
         )
 
 
+def check_text(text: str | None, *, change: bool) -> None:
+    """Raises InputError for a text without words, one too long, or none where it says the change."""
+    if change and text is None:
+        raise InputError("found no text that says what to change; give --text, as in --text 'in a red shirt'")
+    if text is not None and not any(map(str.isalpha, text)):
+        raise InputError(f"found --text {text!r}, which has no words; describe a person and their clothes")
+    if text is not None and len(text) > LONGEST_TEXT:
+        raise InputError(f"found a text of {len(text)} characters, wanted at most {LONGEST_TEXT}; say less")
+
+
 def check_wear(wear: Mapping[str, int], source: str | None, wardrobe: Path | None, count: int) -> None:
     """Raises InputError where a garment is borrowed twice, or of people who have none to lend."""
     if len(wear) < count:
@@ -72,6 +85,38 @@ def check_wear(wear: Mapping[str, int], source: str | None, wardrobe: Path | Non
         raise InputError(
             "found --wear with the procedural wardrobe, whose people are one field; give --wardrobe too, or "
             "leave --from out"
+        )
+
+
+def check_photos(
+    *,
+    photos: Sequence[Path],
+    mask: Path | None,
+    texture_from: str | None,
+    posed: bool,
+    many: bool,
+    seeds_people: bool,
+    traits: Mapping[str, object],
+) -> None:
+    """Raises InputError for what belongs to a photograph and there is none, or does not go with one."""
+    if not photos:
+        if mask is not None or posed or texture_from not in (None, "photo"):
+            raise InputError("found --mask, --texture-from or --pose photo without --photo; give that too")
+        return
+    if len(photos) > MOST_PHOTOS or len(set(photos)) < len(photos):
+        raise InputError(f"found {len(photos)} photographs; give up to {MOST_PHOTOS}, each once")
+    if many or seeds_people:
+        raise InputError(
+            "found --photo with --seeds, --from, --wear, --tolerance or --budget; a photograph shows one "
+            "person, so leave those out"
+        )
+    if mask is not None and len(photos) > 1:
+        raise InputError("found --mask with several photographs; give one photograph, or no mask")
+    others = [name for name in traits if name not in TOLD]
+    if others:
+        raise InputError(
+            f"found --{others[0].replace('_', '-')} with --photo, which shows it; only --gender, --age and "
+            "--height can be told"
         )
 
 

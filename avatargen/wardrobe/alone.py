@@ -30,7 +30,6 @@ from avatargen.wardrobe.dressed import (
     asked,
     under_hat,
 )
-from avatargen.wardrobe.lips import between_lips
 
 BODY, HAIR = "body", "hair"
 FADE = 0.015  # m along the cloth, from where it begins to hide to where it surely does
@@ -86,7 +85,7 @@ class LayerField:
         """The bare body, inside what it wears."""
         person = self.person
         bare = 1 - (person.hidden[person.body.faces[hit.face]] * hit.barycentric).sum(axis=1)
-        distance = (hit.distance - between_lips(moved)).astype(np.float64)
+        distance = person.bare_distance(moved, hit)
         for over in self.over:
             outer = whole(over, moved, hit, coloured=False)
             free = np.maximum(bare, at_edges(outer.rim))

@@ -1,4 +1,4 @@
-"""How a garment, or hair, looks on one person: dyed and printed.
+"""How a garment looks on one person: dyed and printed.
 
 Colours change in CIELAB: the garment's median becomes the one asked for and what differs from it stays, so
 folds, seams and wear are kept. Prints are laid on the cloth by its size in metres.
@@ -14,7 +14,8 @@ from jaxtyping import Float
 
 from avatargen.wardrobe.colour_names import lab
 
-TRIM = 0.7  # of an artist's contrast of hue that stays
+TRIM = 0.7  # of an artist's contrast of hue that stays under a dye of a clear colour
+CLEAR = 40.0  # chroma of such a dye; under a grey one little of it stays: washed denim is not brown
 INK = 0.9  # how much of the cloth's colour a print covers
 
 Rgb = tuple[float, float, float]
@@ -57,24 +58,13 @@ class Dye:
         return printed(colour, places, self.kind, self.ink, self.width, float(usual.mean()))
 
 
-@dataclass(frozen=True, kw_only=True)
-class HairDye:
-    """Of hair, whose own colours are shades: 1 on average."""
-
-    dye: Rgb
-
-    def color(
-        self, own: Float[np.ndarray, "N c"], places: Float[np.ndarray, "N 2"]
-    ) -> Float[np.ndarray, "N 3"]:
-        return np.array(self.dye) * (1 + 0.75 * (own[:, :3] - 1)).clip(0.45, 1.7)
-
-
 def dyed(own: Float[np.ndarray, "N 3"], middle: tuple[float, float, float], dye: Rgb) -> np.ndarray:
     """Colours whose median `middle` (CIELAB) was, with `dye` in its place."""
     wanted = lab(np.array(dye)[None])[0]
     # dark cloth shows less of its folds, light cloth no more than white allows
     contrast = np.clip(0.35 + wanted[0] / max(middle[0], 25.0), 0.4, 1.2)
-    new = wanted + (lab(np.asarray(own, dtype=np.float64).clip(0, 1)) - middle) * (contrast, TRIM, TRIM)
+    trim = TRIM * min(0.3 + float(np.hypot(*wanted[1:])) / CLEAR, 1.0)
+    new = wanted + (lab(np.asarray(own, dtype=np.float64).clip(0, 1)) - middle) * (contrast, trim, trim)
     return rgb_of(new)
 
 

@@ -155,9 +155,9 @@ def phenotype(people: People) -> Float[Tensor, "B 9"]:
         "gender": 0.06 + 0.88 * woman,
         "age": people.between("age", 0.62, 0.93),
         "muscle": people.between("muscle", 0.3, 0.85) - 0.12 * woman,
-        "weight": people.between("weight", 0.15, 0.95),
+        "weight": (0.40 + 0.13 * people.normal("weight")).clamp(0.15, 0.95),
         "height": torch.full_like(woman, 0.35),  # a usual one: `stature.py` sizes people afterwards
-        "proportions": torch.full_like(woman, 0.65),
+        "proportions": torch.full_like(woman, 0.8),
         "african": people.measure("african") * 0.8,
         "asian": people.measure("asian") * (1 - people.measure("african")) * 0.8,
         "cupsize": people.between("cupsize", 0.3, 0.75),

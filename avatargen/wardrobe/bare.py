@@ -1,4 +1,4 @@
-"""What is drawn on every bare body: underwear, and the colour of lashes. sRGB 0..1, metres."""
+"""Underwear, drawn on every bare body. sRGB 0..1, metres."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -7,7 +7,6 @@ from avatargen.body.model import CanonicalBody
 from avatargen.wardrobe.lips import smooth
 
 UNDERWEAR = np.array([0.78, 0.77, 0.75])
-LASH = np.array([0.05, 0.035, 0.03])
 
 
 def band(x: np.ndarray, low: float, high: float) -> np.ndarray:

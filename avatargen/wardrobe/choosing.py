@@ -1,9 +1,10 @@
 """What one may choose of a person, in words: the names of traits, their values, and what cannot be together.
 
-    Traits(gender="woman", hair="long", bottom="dress", height=1.70)
+    Traits(gender="woman", hair="long", bottom="dress", top_color="navy", height=1.70)
 
-Values that some weights of the package show are here; `SHOWN` are those of the default ones. The standard
-library alone, so that a command can refuse a word before torch loads.
+`VALUES` are those that procedural people of the package's other weights show, `SHOWN` those of the default
+ones, whose colours may be any. The standard library alone, so that a command can refuse a word before torch
+loads.
 """
 
 import difflib
@@ -13,6 +14,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from avatargen.errors import InputError
+from avatargen.wardrobe.named_colours import is_colour
 
 SHORTEST, TALLEST = 1.40, 2.10  # m: taller or shorter than that bodies stop looking like people's
 VALUES: dict[str, tuple[str, ...]] = {
@@ -32,35 +34,41 @@ VALUES: dict[str, tuple[str, ...]] = {
     "outer_color": ("black", "grey", "brown", "beige", "green", "purple"),
     "shoes": ("sneakers", "boots", "flats", "leather"),
 }
+CLOTH = (
+    *("black", "grey", "white", "red", "pink", "brown", "beige", "orange", "yellow", "green", "teal", "blue"),
+    "purple",
+)
 SHOWN: dict[str, tuple[str, ...]] = {  # by the people that are drawn by default
     "gender": ("woman", "man"),
-    "age": ("young", "old"),
+    "age": ("young", "middleage", "old"),
+    "figure": ("slim", "average", "heavy", "muscular"),
+    "stature": ("short", "average", "tall"),
     "skin": ("light", "medium", "brown", "dark"),
+    "eyes": ("brown", "blue", "green", "grey"),
     "hair": ("bald", "short", "bob", "long", "ponytail", "afro"),
-    "hair_color": ("black", "brown", "blond", "grey"),
-    "top": ("t-shirt", "shirt"),
-    "top_color": VALUES["top_color"],
-    "bottom": ("trousers", "jeans", "shorts", "skirt"),
-    "bottom_color": VALUES["bottom_color"],
-    "outer": ("none", "jacket"),
-    "outer_color": VALUES["outer_color"],
-    "shoes": ("sneakers", "boots", "leather"),
+    "hair_color": ("black", "brown", "blond", "red", "grey", "white"),
+    "beard": ("none", "stubble", "moustache", "goatee", "full"),
+    "hat": ("none", "hat"),
+    "hat_color": CLOTH,
+    "top": (
+        *("t-shirt", "shirt", "suit", "tank top", "blouse", "sweater", "hoodie", "polo shirt"),
+        "dress",
+    ),
+    "top_color": CLOTH,
+    "pattern": ("plain", "across", "down", "checks"),
+    "pattern_color": CLOTH,
+    "bottom": ("trousers", "jeans", "shorts", "leggings", "skirt", "dress"),
+    "bottom_color": CLOTH,
+    "overall": ("none", "overall"),
+    "overall_color": CLOTH,
+    "outer": ("none", "jacket", "coat"),
+    "outer_color": CLOTH,
+    "shoes": ("none", "sneakers", "boots", "leather"),
+    "shoes_color": CLOTH,
 }
+ANY = tuple(name for name in SHOWN if name.endswith("_color"))  # traits that may be any colour
+NOTHING = "there is nothing to colour"
 HEIGHT = "height"  # the one trait that is a number
-WORN_BY: dict[tuple[str, str | float], str] = {  # what only women or only men have in this wardrobe
-    ("hair", "bald"): "man",
-    ("hair", "cropped"): "man",
-    ("hair", "bob"): "woman",
-    ("hair", "bun"): "woman",
-    ("hair", "ponytail"): "woman",
-    ("beard", "stubble"): "man",
-    ("beard", "full"): "man",
-    ("bottom", "shorts"): "man",
-    ("bottom", "skirt"): "woman",
-    ("bottom", "dress"): "woman",
-}
-SEEN_UNDER_A_HAT = ("bob", "long")
-SEEN_UNDER_A_JACKET = ("shirt", "turtleneck")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,26 +81,34 @@ class Traits:
     gender: str | None = None
     age: str | None = None
     height: float | None = None
+    figure: str | None = None
+    stature: str | None = None
     skin: str | None = None
+    eyes: str | None = None
     hair: str | None = None
     hair_color: str | None = None
     beard: str | None = None
     hat: str | None = None
+    hat_color: str | None = None
     top: str | None = None
     top_color: str | None = None
+    pattern: str | None = None  # of what is worn on the upper body
+    pattern_color: str | None = None
     sleeves: str | None = None
     bottom: str | None = None
     bottom_color: str | None = None
+    overall: str | None = None
+    overall_color: str | None = None
     outer: str | None = None
     outer_color: str | None = None
     shoes: str | None = None
+    shoes_color: str | None = None
 
     def __post_init__(self) -> None:
         for name, value in self.given().items():
-            if name != HEIGHT and value not in VALUES[name]:
-                raise InputError(f"{shown(name)}: found {value!r}, wanted one of {', '.join(VALUES[name])}")
+            if name != HEIGHT and value not in values_of(name) and not (name in ANY and any_colour(value)):
+                raise InputError(f"{shown(name)}: found {value!r}, wanted {wanted(name)}")
         check_height(self.height)
-        check_one_sex(self)
         for first, second, why in self.contradictions():
             raise InputError(f"{self.told(first)} and {self.told(second)}: {why}; leave out one of them")
 
@@ -106,31 +122,19 @@ class Traits:
         return f"{shown(name)} {getattr(self, name)}"
 
     def contradictions(self) -> list[tuple[str, str, str]]:
-        """Pairs of chosen traits that cannot both be seen, and why."""
-        hidden = self.hat == "beanie" and self.hair not in SEEN_UNDER_A_HAT
-        over = "outer" if self.outer not in (None, "none") else "outer_color"
-        jacket = getattr(self, over) is not None
-        closed = self.top is not None and self.top not in SEEN_UNDER_A_JACKET
+        """Pairs of chosen traits that nobody can have at once, and why."""
         pairs = [
-            (hidden and self.hair, "hair", "hat", "the hat hides the hair"),
-            (hidden and self.hair_color, "hair_color", "hat", "the hat hides the hair"),
             (self.hair == "bald" and self.hair_color, "hair", "hair_color", "there is no hair to colour"),
-            (
-                self.age and self.hair_color and (self.age == "old") != (self.hair_color == "grey"),
-                "age",
-                "hair_color",
-                "hair goes grey with age",
-            ),
-            (self.bottom == "dress" and self.bottom_color, "bottom", "bottom_color", "a dress has top_color"),
-            (self.bottom == "jeans" and self.bottom_color, "bottom", "bottom_color", "jeans are blue"),
-            (self.outer == "none" and self.outer_color, "outer", "outer_color", "there is nothing to colour"),
-            (jacket and closed, "top", over, "the outer garment hides the neck"),
-            (jacket and self.sleeves, "sleeves", over, "the outer garment hides the sleeves"),
-            (
-                self.top == "turtleneck" and self.sleeves in ("none", "short"),
-                "top",
-                "sleeves",
-                "a turtleneck has long sleeves",
+            (self.pattern == "plain" and self.pattern_color, "pattern", "pattern_color", NOTHING),
+            (self.height and self.stature, "height", "stature", "both say how tall"),
+            *(
+                (
+                    getattr(self, worn) == "none" and getattr(self, f"{worn}_color"),
+                    worn,
+                    f"{worn}_color",
+                    NOTHING,
+                )
+                for worn in ("hat", "overall", "outer", "shoes")
             ),
         ]
         return [(first, second, why) for found, first, second, why in pairs if found]
@@ -182,31 +186,25 @@ def check_height(metres: float | None) -> None:
         raise InputError(f"height: found {metres:g} m, wanted {SHORTEST:.2f} to {TALLEST:.2f} m")
 
 
-def check_one_sex(traits: Traits) -> None:
-    """Raises InputError where what was chosen is worn by women alone and by men alone."""
-    given = traits.given()
-    worn = {name: WORN_BY[name, value] for name, value in given.items() if (name, value) in WORN_BY}
-    if traits.gender is not None:
-        worn = {"gender": traits.gender} | worn
-    for first, second in zip(worn, list(worn)[1:], strict=False):
-        if worn[first] != worn[second]:
-            only = second if first == "gender" else first
-            sex = {"woman": "women", "man": "men"}[worn[only]]
-            raise InputError(
-                f"{traits.told(first)} and {traits.told(second)}: {traits.told(only)} is for {sex} alone; "
-                "leave out one of them"
-            )
-
-
 def shown(name: str) -> str:
     """A trait's name as an option has it."""
     return name.replace("_", "-")
 
 
+def any_colour(value: str | float) -> bool:
+    """Whether it is the name of a colour, a plain one or another, or #rrggbb."""
+    return value in CLOTH or is_colour(str(value))
+
+
+def values_of(name: str) -> tuple[str, ...]:
+    """A trait's values, those of the default people and what others have besides."""
+    return tuple(dict.fromkeys((*SHOWN.get(name, ()), *VALUES.get(name, ()))))
+
+
 def wanted(name: str) -> str:
     """A trait's values in words."""
-    return (
-        f"metres from {SHORTEST:.2f} to {TALLEST:.2f}"
-        if name == HEIGHT
-        else f"one of {', '.join(VALUES[name])}"
+    if name == HEIGHT:
+        return f"metres from {SHORTEST:.2f} to {TALLEST:.2f}"
+    return f"one of {', '.join(values_of(name))}" + (
+        " or another colour's name or #rrggbb" if name in ANY else ""
     )

@@ -18,7 +18,13 @@ KNOWN = {  # sRGB 0..1
     "yellow": ((0.72, 0.66, 0.32), (0.88, 0.84, 0.52)),
     "green": ((0.10, 0.24, 0.10), (0.25, 0.42, 0.22), (0.40, 0.56, 0.32), (0.60, 0.76, 0.54)),
     "teal": ((0.10, 0.34, 0.34), (0.30, 0.56, 0.56), (0.55, 0.78, 0.78)),
-    "blue": ((0.08, 0.12, 0.28), (0.20, 0.28, 0.46), (0.32, 0.46, 0.66), (0.60, 0.74, 0.88)),
+    "blue": (
+        (0.08, 0.12, 0.28),
+        (0.14, 0.24, 0.62),
+        (0.20, 0.28, 0.46),
+        (0.32, 0.46, 0.66),
+        (0.60, 0.74, 0.88),
+    ),
     "purple": ((0.20, 0.10, 0.26), (0.38, 0.24, 0.46), (0.56, 0.42, 0.64), (0.76, 0.64, 0.84)),
 }
 NAMES = tuple(KNOWN)
@@ -40,9 +46,12 @@ def lab(rgb: Float[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=1)
 
 
+LAB_OF_ANCHORS = lab(ANCHORS)
+
+
 def distances(rgb: Float[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N K"]:
     """How far each colour is from each name's nearest known colour, in L*a*b*."""
-    apart = np.linalg.norm(lab(rgb)[:, None] - lab(ANCHORS)[None], axis=2)
+    apart = np.linalg.norm(lab(rgb)[:, None] - LAB_OF_ANCHORS[None], axis=2)
     return np.stack([apart[:, i == NAME_OF_ANCHOR].min(axis=1) for i in range(len(NAMES))], axis=1)
 
 

@@ -20,9 +20,10 @@ from torch.special import ndtr, ndtri
 
 from avatargen.errors import InputError
 from avatargen.wardrobe.attributes import coordinate
-from avatargen.wardrobe.choosing import SEEN_UNDER_A_HAT, WORN_BY, Traits
+from avatargen.wardrobe.choosing import Traits
 from avatargen.wardrobe.colour_names import NAMES, distances, lab
 from avatargen.wardrobe.palettes import PALETTES, Palette
+from avatargen.wardrobe.together import SEEN_UNDER_A_HAT, WORN_BY, check_together
 
 Wanted = bool | tuple[float, float]
 Rule = dict[str, Wanted]
@@ -83,7 +84,10 @@ def outer_rules(outer: str) -> list[Rule]:
 
 
 def beard_rules(beard: str) -> list[Rule]:
-    number = {"none": 0, "stubble": 1, "full": 3}[beard]
+    numbers = {"none": 0, "stubble": 1, "moustache": 2, "full": 3}
+    if beard not in numbers:
+        raise InputError(f"beard {beard}: these weights have {', '.join(numbers)}; choose among them")
+    number = numbers[beard]
     rules: list[Rule] = [{"woman": False} | bits(BEARD, number)]
     return [{"woman": True}, *rules] if beard == "none" else rules
 
@@ -159,7 +163,12 @@ def body_rules(traits: Traits) -> Iterator[list[Rule]]:
 
 
 def condition(z: Float[Tensor, "1 Z"], traits: Traits) -> Float[Tensor, "1 Z"]:
-    """The latent with what was chosen; coordinates that decide none of it keep their values."""
+    """The latent with what was chosen; coordinates that decide none of it keep their values.
+
+    Raises:
+        InputError: these people do not have it, or not all of it at once.
+    """
+    check_together(traits)
     normal = z[0].double().numpy().copy()
     held: Rule = {"woman": one_sex(traits, normal)} if needs_a_sex(traits) else {}
     for rules in rules_of(traits):

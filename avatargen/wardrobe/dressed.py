@@ -30,7 +30,7 @@ AHEAD = 0.0015  # m that the layer beneath must come out to be seen: where both 
 HEM = 0.0005  # m of way to an edge under which a point is on the inside of a hem
 HEM_SHADE = 0.75  # inside a hem it is dark
 ASKED = 0.045  # m; a layer farther than this changes nothing but how far the nearest one is
-SUNK, SUNK_NEAR = 0.0045, 0.0025  # m that hair stays under what it lies on, and up to how far over it
+SUNK, SUNK_NEAR = 0.0045, 0.0025  # m that loose hair stays under what it lies on, and up to how far over it
 BRIM = 0.008  # m under a hat's edge that hair ends: brims hang lower in front
 CORE = 0.02  # m under the skin from which the body is solid, whatever is worn: nothing falls apart there
 FAR = 1.0  # m: the distance of what was not asked
@@ -40,7 +40,8 @@ SINGLE = np.float32  # what layers say has single precision, and so has what is 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cloth:
-    """A layer at some points: signed distance (m), way along the cloth to its nearest edge (m), sRGB."""
+    """A layer at some points: signed distance (m), way along the cloth to its nearest edge (m), sRGB. Hair
+    has 0 in place of a way where it grows, and 1 where it is loose."""
 
     distance: Float[np.ndarray, " M"]
     rim: Float[np.ndarray, " M"]
@@ -92,6 +93,10 @@ class Skin(Protocol):
     """The bare body's colours."""
 
     def color(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float[np.ndarray, "N 3"]: ...
+
+    def relief(self, points: Float32[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+        """Metres by which it stands out of the body, as under a beard."""
+        ...
 
 
 def chosen(hit: BodyHit, index: np.ndarray) -> BodyHit:
@@ -149,7 +154,7 @@ class DressedField:
         bare = np.empty(len(points), np.float32)
         share_bare(self.hidden, self.body.faces, hit.face, hit.barycentric, bare)
         naked = open_to_air | (bare > 1e-6)  # a hand before a hip is not hidden by what hides the hip
-        distance = np.where(naked, hit.distance - between_lips(moved), FAR).astype(np.float64)
+        distance = np.where(naked, self.bare_distance(moved, hit), FAR)
         colour = np.full((len(points), 3), 0.5)
         seen = np.flatnonzero(naked) if coloured else np.zeros(0, np.int64)
         if len(seen):
@@ -165,8 +170,12 @@ class DressedField:
             for garment, cloth in zip(self.garments, laid, strict=True):
                 if garment.opening is not None:
                     strands = under_hat(strands, cloth.distance, garment.opening.above(moved))
-            lay_hair(distance, colour, strands, hair.color, coloured)
+            lay_hair(distance, colour, strands, hair.rim, hair.color, coloured)
         return distance, colour
+
+    def bare_distance(self, moved: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float64[np.ndarray, " N"]:
+        """To the skin, with lips that meet and a beard."""
+        return hit.distance - between_lips(moved) - self.skin.relief(moved)
 
     def closest(self, points: Float32[np.ndarray, "N 3"]) -> tuple[BodyHit, Float32[np.ndarray, "N 3"]]:
         """The body at points, and the points where the layers know them."""
@@ -268,13 +277,14 @@ def lay_garments(distance, colour, bare, outer, rim, dye, coloured):
 
 
 @compiled
-def lay_hair(distance, colour, strands, dye, coloured):
-    """Lay hair, `strands` [N] away, over what is in `distance` [N] and, where `coloured`, `colour` [N 3]."""
+def lay_hair(distance, colour, strands, loose, dye, coloured):
+    """Lay hair, `strands` [N] away, over what is in `distance` [N] and, where `coloured`, `colour` [N 3].
+    `loose` [N] is 0 where it grows, 1 where it only lies on something."""
     for i in range(len(distance)):
         beneath = distance[i]
         if strands[i] - beneath < UNSEEN:
             # stray hairs are no skin's colour
-            hair = strands[i] + SUNK * math.exp(-((beneath / SUNK_NEAR) ** 2))
+            hair = strands[i] + loose[i] * SUNK * math.exp(-((beneath / SUNK_NEAR) ** 2))
             distance[i] = min(beneath, hair)
             if coloured:
                 seen = seen_over(hair, beneath, 0.0)

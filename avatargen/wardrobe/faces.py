@@ -32,19 +32,33 @@ FACE_SHAPES = (
     "eye_distance",
     "head",  # width
     "ear",  # size
+    "smile",  # corners of the mouth
+    "brows",  # how high, and higher at the nose
 )
-SPREAD, MOST = 0.75, 2.0  # standard deviation and most of a feature's share
-# what women have more of than the mean and men less
+SPREAD, MOST = 0.6, 2.0  # standard deviation and most of a feature's share
+SPREADS = {"smile": 0.35, "brows": 0.35, "eye_size": 0.4, "chin": 0.5}  # of some
+# what people have more of than the body's template: it looks stern, and its chin recedes
+OF_ALL = {"chin": 0.8, "eye_size": 0.5, "nose": -0.2, "nose_width": -0.3, "smile": 1.0, "brows": 0.6}
+# what women have more of than that and men less
 OF_WOMEN = {
-    "jaw": -0.6,
-    "chin": -0.5,
-    "nose": -0.4,
-    "nose_width": -0.3,
-    "cheek": 0.3,
-    "lip": 0.5,
-    "eye_size": 0.6,
+    "jaw": -0.7,
+    "chin": -0.2,
+    "nose": -0.35,
+    "nose_width": -0.35,
+    "cheek": 0.4,
+    "lip": 0.45,
+    "eye_size": 0.4,
+    "smile": 0.1,
+    "brows": 0.2,
 }
-OTHER_NAMES = {"bridge": "brow", "mouth": "eye_light", "eye_distance": "eye_hue", "ear": "hairline"}
+OTHER_NAMES = {
+    "bridge": "brow",
+    "mouth": "eye_light",
+    "eye_distance": "eye_hue",
+    "ear": "hairline",
+    "smile": "boldness",
+    "brows": "creased",
+}
 
 
 def face_betas(people: People) -> Float[Tensor, "B f"]:
@@ -66,6 +80,7 @@ def face_betas(people: People) -> Float[Tensor, "B f"]:
     }
     for name in FACE_SHAPES:
         if name not in drawn:
-            own = SPREAD * people.normal(OTHER_NAMES.get(name, name)) + OF_WOMEN.get(name, 0.0) * woman
-            drawn[name] = own.clamp(-MOST, MOST)
+            own = SPREADS.get(name, SPREAD) * people.normal(OTHER_NAMES.get(name, name))
+            usual = OF_ALL.get(name, 0.0) + OF_WOMEN.get(name, 0.0) * woman
+            drawn[name] = (own + usual).clamp(-MOST, MOST)
     return torch.cat([drawn[name] for name in FACE_SHAPES], dim=1)

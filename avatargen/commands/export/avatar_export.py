@@ -29,8 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return run_command(PROGRAM, lambda: export(arguments))
 
 
-def export(arguments: Sequence[str] | None) -> None:
-    """Do what the arguments ask for: one avatar, many, or a dry run.
+def edit(arguments: Sequence[str] | None = None) -> int:
+    """The command `avatargen edit`."""
+    return run_command("avatargen edit", lambda: export(arguments, change=True))
+
+
+def export(arguments: Sequence[str] | None, *, change: bool = False) -> None:
+    """Do what the arguments ask for: one avatar, many, or a dry run; with `change`, people changed by a text.
 
     Raises:
         AvatarGenError: an argument, file or field is bad; then nothing is written. Of many, some have failed;
@@ -38,7 +43,7 @@ def export(arguments: Sequence[str] | None) -> None:
     """
     from avatargen.commands.export.options import make_request, read  # need our `assets`: see `program`
 
-    given = read(arguments)
+    given = read(arguments, change=change)
     if given.drawn and not given.quiet:
         print(f"seed {given.seed} was drawn", file=sys.stderr)
     with progress_line(quiet=given.quiet, in_pipes=given.seeds is not None) as show:
@@ -72,8 +77,17 @@ def export_seed(request: "ExportRequest", show: Show) -> tuple[str, Path]:
 
     exported = avatargen.export_avatar(request, show, elapsed=process_seconds())
     made = exported.made
-    lines = [*tell_of_bad_frames(made.motions), *tell_of_few_faces(made), closing_line(request, exported)]
+    lines = [*tell_of_text(made), *(made.found.lines() if made.found else [])]
+    lines += [*tell_of_bad_frames(made.motions), *tell_of_few_faces(made), closing_line(request, exported)]
     return "\n".join(lines), exported.path
+
+
+def tell_of_text(made: "Made") -> list[str]:
+    """A line with what was understood of a text, and one with what was left out."""
+    facts = dict(made.asset.info.facts)
+    return [
+        f"{name.replace('_', ' ')}: {facts[name]}" for name in ("understood", "left_out") if name in facts
+    ]
 
 
 def tell_of_few_faces(made: "Made") -> list[str]:

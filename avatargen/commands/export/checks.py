@@ -10,18 +10,19 @@ from typing import Any
 from assets.scenes import SCENES
 from avatargen.atomic import check_writable
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source
+from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source, check_text
 from avatargen.wardrobe.choosing import Traits, read_traits, traits_of
 
 # what `exporters` writes, which takes seconds to ask
 FORMATS = ("glb", "gltf", "vrm", "usda", "usdc", "usdz", "obj", "ply", "stl")
+DESCRIBED = 0  # the seed of somebody who is described, where none is given
 NAMED_POSES = ("x", "t", "a")
+PHOTO_POSE = "photo"
 
 
 def check_options(options: Namespace) -> None:
     """All that can be told before libraries load. Raises InputError."""
-    if (options.seed is None) == (options.seeds is None):
-        raise InputError("the following arguments are required: --seed or --seeds, one of them")
+    check_who(options)
     many = options.seeds is not None
     fixed = tuple(name for name in ("resolution", "faces", "lods") if getattr(options, name) is not None)
     check_chosen(tolerance_mm=options.tolerance_mm, budget_s=options.budget_s, fixed=fixed)
@@ -44,25 +45,45 @@ def check_options(options: Namespace) -> None:
         source=options.source,
         wardrobe=options.wardrobe,
         weights=options.weights,
-        chosen=bool(options.traits.given()),
+        chosen=bool(options.traits.given()) or options.text is not None,
     )
     options.format = output_format(options)
     sheet_inside = many and options.sheet is not None and options.sheet.parent == options.out
-    outputs = () if many else (options.out or Path(f"avatar_{options.seed}.{options.format}"),)
+    name = options.photos[0].stem if options.photos else f"avatar_{options.seed}"
+    outputs = () if many else (options.out or Path(f"{name}.{options.format}"),)
     for output in (*outputs, options.report, options.preview, None if sheet_inside else options.sheet):
         if output is not None:
             check_writable(output)
-    for source in (options.weights, options.body, *(options.motions or ())):
+    sources = (options.weights, options.body, options.mask, *(options.motions or ()), *(options.photos or ()))
+    for source in sources:
         if source is not None and not source.is_file():
             raise InputError(f"found no file {source}; check the path")
     if (
         options.pose is not None
-        and options.pose.lower() not in NAMED_POSES
+        and options.pose.lower() not in (*NAMED_POSES, PHOTO_POSE)
         and not Path(options.pose).is_file()
     ):
         raise InputError(
             f"found --pose {options.pose}, wanted one of {', '.join(NAMED_POSES)} or an .npz file that exists"
         )
+
+
+def check_who(options: Namespace) -> None:
+    """A seed, seeds, a line of text or photographs say who it is. A text that changes somebody needs a seed,
+    and a name that is not that of the seed's own file. Raises InputError.
+    """
+    check_text(options.text, change=options.change)
+    if options.change and options.out is None:
+        raise InputError("found no --out; name the file for the person who is changed")
+    described = bool(options.photos) or (options.text is not None and not options.change)
+    if described and options.seed is None and options.seeds is None:
+        options.seed = DESCRIBED
+    if (options.seed is None) == (options.seeds is None):
+        raise InputError(
+            "the following arguments are required: --seed, --seeds, --text or --photo, one of them"
+        )
+    if options.photos and options.seed != DESCRIBED:
+        raise InputError("found --photo with a seed; the photograph shows who it is, so leave the seed out")
 
 
 def chosen_traits(options: Namespace) -> Traits:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 from assets.scenes import DEFAULT, SCENES
 from avatargen import __version__
 from avatargen.commands.export import PROGRAM
-from avatargen.commands.export.checks import FORMATS, NAMED_POSES, check_options, given
+from avatargen.commands.export.checks import FORMATS, NAMED_POSES, PHOTO_POSE, check_options, given
+from avatargen.commands.export.who_options import add_person_options, add_photo_options, add_trait_options
 from avatargen.commands.line import (
     FEWEST_FACES,
     MOST_FACES,
@@ -24,9 +25,8 @@ from avatargen.commands.line import (
     quantity,
     whole_number,
 )
-from avatargen.commands.seeds import LENT, RANDOM, borrowed, draw_seed, many_seeds, one_seed
+from avatargen.commands.seeds import RANDOM, draw_seed
 from avatargen.errors import InputError
-from avatargen.wardrobe.choosing import SHOWN, VALUES, shown
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -48,13 +48,28 @@ examples:
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
   avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
+  avatar-export --text "an old man in a grey suit and brown shoes" --format glb
   avatar-export --seed 3 --parts separate --out dressed.glb
-  avatar-export --seed 3 --wear 8:top,outer --wear 5:shoes
+  avatar-export --seed 3 --wear 33:top,outer --wear 5:shoes
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
+  avatar-export --photo me.jpg --height 1.75m --clip walk
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 3 --lods 40000,20000,5000,1000
   avatar-export --seed 8 --faces 8000 --texture 512 --pose t --out small.glb
+"""
+
+
+EDIT = "avatargen edit"
+ABOUT_EDITING = """\
+Change a seed's person by a line of text, and write them to a file; what is not named stays as it is.
+
+All else is as avatar-export has it."""
+EDITS = """\
+examples:
+  avatargen edit --seed 3 --text "in a red shirt" --out red.glb
+  avatargen edit --seed 3 --text "make her hair grey, and give her a hat" --out grey.glb
+  avatargen edit --seeds 0:20 --text "taller, without a jacket" --out tall
 """
 
 
@@ -67,13 +82,15 @@ def parse(arguments: Sequence[str] | None) -> "ExportRequest":
     return make_request(read(arguments))
 
 
-def read(arguments: Sequence[str] | None) -> Namespace:
+def read(arguments: Sequence[str] | None, *, change: bool = False) -> Namespace:
     """The options, checked as far as can be told before libraries load; a seed is drawn where none is named.
+    With `change`, those of `avatargen edit`, whose text says what is to be otherwise of a seed's person.
 
     Raises:
         InputError: as `parse`.
     """
-    options = make_parser().parse_intermixed_args(arguments)
+    options = make_parser(*((EDIT, ABOUT_EDITING, EDITS) if change else ())).parse_intermixed_args(arguments)
+    options.change = change
     if options.seed_alone is not None:
         if options.seed is not None:
             raise InputError(f"found {options.seed_alone} and --seed {options.seed}; give one seed")
@@ -85,9 +102,12 @@ def read(arguments: Sequence[str] | None) -> Namespace:
     return options
 
 
-def make_parser() -> ArgumentParser:
-    parser = OneLineParser(PROGRAM, description=DESCRIPTION, examples=EXAMPLES)
+def make_parser(
+    program: str = PROGRAM, description: str = DESCRIPTION, examples: str = EXAMPLES
+) -> ArgumentParser:
+    parser = OneLineParser(program, description=description, examples=examples)
     add_person_options(parser.add_argument_group("the person"))
+    add_photo_options(parser.add_argument_group("a person of photographs instead"))
     add_trait_options(parser.add_argument_group("the person's traits, else as the seed has them"))
     add_file_options(parser.add_argument_group("the files"))
     add_asset_options(parser.add_argument_group("the asset"))
@@ -97,66 +117,6 @@ def make_parser() -> ArgumentParser:
     add_animation_options(parser.add_argument_group("animations"))
     add_work_options(parser.add_argument_group("the work"))
     return parser
-
-
-def add_person_options(group: _ArgumentGroup) -> None:
-    """Who is made."""
-    add = group.add_argument
-    add("seed_alone", nargs="?", type=one_seed, metavar="SEED", help="the same as --seed SEED")
-    add(
-        "--seed",
-        type=one_seed,
-        metavar="N",
-        help="which person; the same seed gives the same file; random: one is drawn, and told",
-    )
-    add(
-        "--seeds",
-        type=many_seeds,
-        metavar="A:B,N,..",
-        help="instead of one: seeds A to B - 1, N, .., into the folder --out; the same command resumes",
-    )
-    add(
-        "--from",
-        dest="source",
-        choices=("generator", "wardrobe"),
-        help="whose person: the generator's, or the wardrobe's, which it learns from (default: generator)",
-    )
-    add(
-        "--wardrobe",
-        type=Path,
-        metavar="DIR",
-        help="with --from wardrobe: a folder of MakeHuman's assets to wear (default: the procedural clothes)",
-    )
-    add(
-        "--wear",
-        action="append",
-        type=borrowed,
-        metavar="SEED:GARMENT,..",
-        help=f"garments of another seed, of {', '.join(LENT)}; may be repeated",
-    )
-    add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
-    add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
-
-
-def add_trait_options(group: _ArgumentGroup) -> None:
-    """What is chosen of the person."""
-    for name, values in VALUES.items():
-        others = [value for value in values if value not in SHOWN.get(name, ())]
-        told = f"with the procedural people of other weights alone: {', '.join(others)}" if others else ""
-        group.add_argument(f"--{shown(name)}", choices=values, help=told)
-    group.add_argument(
-        "--height",
-        type=quantity("m"),
-        metavar="1.75m",
-        help="of the body, crown of the head to the soles, 1.40 to 2.10 m",
-    )
-    group.add_argument(
-        "--traits",
-        dest="traits_file",
-        type=Path,
-        metavar="FILE.json",
-        help='names and values, such as {"hair": "long"}; options beside it win',
-    )
 
 
 def add_file_options(group: _ArgumentGroup) -> None:
@@ -300,7 +260,11 @@ def add_picture_options(group: _ArgumentGroup) -> None:
 def add_rig_options(group: _ArgumentGroup) -> None:
     """Skeleton, names and sliders."""
     add = group.add_argument
-    add("--pose", metavar="x|t|a|FILE.npz", help="rest pose of the skeleton; vrm wants t (default: a)")
+    add(
+        "--pose",
+        metavar="x|t|a|photo|FILE.npz",
+        help="rest pose; photo: that of the first photograph; vrm wants t (default: a)",
+    )
     add(
         "--joints",
         choices=("all", "24", "moving"),
@@ -382,7 +346,10 @@ def make_request(options: Namespace) -> "ExportRequest":
         options.wear = tuple(sorted(chain(*options.wear)))
     if options.lods is not None:
         options.faces, *options.levels = options.lods
-    if options.pose is not None and options.pose.lower() in NAMED_POSES:
+    options.photo_pose = options.pose is not None and options.pose.lower() == PHOTO_POSE
+    if options.photo_pose:
+        options.pose = None
+    elif options.pose is not None and options.pose.lower() in NAMED_POSES:
         options.pose = options.pose.lower()
     elif options.pose is not None:
         options.pose, options.pose_file = None, Path(options.pose)

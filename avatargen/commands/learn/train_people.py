@@ -22,6 +22,8 @@ class Options:
     """Folder of the run."""
     garments: tuple[str, ...] = ()
     """Learn these alone; all of them where none is named."""
+    folder_alone: bool = False
+    """Learn the folder's garments without those that are sewn in code."""
     training: PeopleConfig = field(default_factory=PeopleConfig)
 
 
@@ -36,8 +38,10 @@ def run(options: Options) -> None:
     from avatargen.shipped import shipped
     from avatargen.training.dressed.run import train
     from avatargen.wardrobe.makehuman.person import Wardrobe
+    from avatargen.wardrobe.tailored.collection import PATTERNS
 
-    wardrobe = Wardrobe(options.wardrobe, canonical_body(load_body(shipped("body.npz"))))
+    patterns = {} if options.folder_alone else PATTERNS
+    wardrobe = Wardrobe(options.wardrobe, canonical_body(load_body(shipped("body.npz"))), patterns)
     names = options.garments or None
     notes = {"licence": "CC0-1.0", "source": "MakeHuman assets (CC0)"}
     if train(wardrobe, options.training, options.out, names, print, notes):

@@ -1,9 +1,12 @@
-"""Where the camera stands so that the whole person is in the picture."""
+"""Where the camera stands so that the whole person is in the picture, at rest or moving."""
 
 from itertools import product
 
 import numpy as np
 from jaxtyping import Float64
+
+from assets.asset.animate import boxes
+from assets.asset.asset import Asset
 
 UP = np.array([0.0, 1.0, 0.0])
 FROM = np.array([0.26, 0.11, 0.96])  # the way from the person to the camera: a little aside, a little above
@@ -28,3 +31,11 @@ def place(
     half = np.tan(fov / 2) / ROOM
     aside = np.abs(corners @ np.stack([right / aspect, np.cross(back, right)], axis=1)).max(axis=1)
     return middle + float((corners @ back + aside / half).max()) * back, middle
+
+
+def room_of(shape: Asset) -> Float64[np.ndarray, "2 3"]:
+    """The low and the high corner of the box around the asset, or around its animations, metres."""
+    if not shape.animations:
+        return np.stack([shape.vertices.min(axis=0), shape.vertices.max(axis=0)]).astype(np.float64)
+    played = np.concatenate([boxes(shape, animation) for animation in shape.animations])
+    return np.stack([played[:, 0].min(axis=0), played[:, 1].max(axis=0)])

@@ -3,11 +3,7 @@
 viser calls back from threads of its own; those calls only note what is wanted, and `step` does it.
 """
 
-import io
-import zipfile
 from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
 from threading import Event
 from typing import Any
 
@@ -15,19 +11,17 @@ import numpy as np
 import viser
 from jaxtyping import Float64
 
-from assets.asset.animate import animate, boxes, figure_of
-from assets.asset.asset import Asset, TexturedAsset
-from assets.asset.bones import aim_bones
+from assets.asset.asset import Asset, TexturedAsset, part_names
+from assets.asset.parts import keep
 from assets.asset.posed import posed
 from assets.picture.paint import PLAIN, joint_weights, painted
-from avatargen.body.pose import named_pose
 from avatargen.body.stance import FINGER_LIMBS, LIMBS, STANCES, Limb, limb_rotations
-from avatargen.commands.viewer.camera import place
+from avatargen.commands.viewer.camera import place, room_of
+from avatargen.commands.viewer.download import file_of, play
 from avatargen.commands.viewer.people import People, Person, Wish
 from avatargen.errors import AvatarGenError, InputError
-from avatargen.motion.clips import CLIPS, make_clip
-from avatargen.motion.motion import in_place
-from exporters import FORMATS, encode, find_format, glb
+from avatargen.motion.clips import CLIPS
+from exporters import FORMATS, glb
 
 LARGEST_SEED = 2**53 - 1  # whole numbers that a browser keeps exactly
 FACES = ("2000", "8000", "20000", "40000")
@@ -75,19 +69,24 @@ class Page:
 
     def add_person_controls(self) -> None:
         gui = self.tab.gui
-        with gui.add_folder("Person"):
+        with gui.add_folder("Person") as folder:
             self.typed = gui.add_text("seed", str(self.seed), hint="a whole number; Enter shows the person")
             another = gui.add_button("another person", icon=viser.Icon.DICE)
             self.truncation = gui.add_slider(
                 "variety", min=0.0, max=1.0, step=0.05, initial_value=1.0, hint="0: the mean person"
             )
             self.faces = gui.add_dropdown("triangles", FACES, initial_value="20000")
+            self.in_parts = gui.add_checkbox(
+                "clothes come off", False, hint="body, garments and hair as meshes of their own: takes longer"
+            )
+            self.parts: dict[str, viser.GuiInputHandle[bool]] = {}
             self.progress = gui.add_progress_bar(0.0, visible=False)
             self.status = gui.add_markdown(f"Seed {self.seed} ...")
         rng = np.random.default_rng()
         another.on_click(lambda event: setattr(self.typed, "value", str(rng.integers(1_000_000))))
         self.typed.on_update(self.take_seed)
-        self.draw_on_change(self.truncation, self.faces)
+        self.person_folder = folder
+        self.draw_on_change(self.truncation, self.faces, self.in_parts)
 
     def add_pose_controls(self) -> None:
         gui = self.tab.gui
@@ -171,7 +170,12 @@ class Page:
 
     def wanted(self) -> Wish:
         """Whom the controls ask for."""
-        return Wish(seed=self.seed, truncation=float(self.truncation.value), faces=int(self.faces.value))
+        return Wish(
+            seed=self.seed,
+            truncation=float(self.truncation.value),
+            faces=int(self.faces.value),
+            parts=bool(self.in_parts.value),
+        )
 
     def step(self) -> None:
         """Draw and send what is wanted, once, however often that was asked for."""
@@ -202,7 +206,7 @@ class Page:
         wish = self.wanted()
         try:
             whole = self.people.get(wish, lambda stage, share: self.show_progress(wish, stage, share))
-            person = whole.at(LEVELS.index(self.level.value))
+            person = whole.at(0 if wish.parts else LEVELS.index(self.level.value))
         except AvatarGenError:
             if self.wish is not None and self.wish != wish and self.wanted() == wish:
                 self.put_back(self.wish)
@@ -214,15 +218,17 @@ class Page:
         self.wish = wish
         angles = {name: float(control.value) for name, control in self.angles.items()}
         playing = self.clip.value != STILL
-        self.asset = person.asset
+        self.offer_parts(part_names(person.asset))
+        self.asset = self.worn(person.asset)
         if playing:
-            self.shape = play(person.asset, self.clip.value, on_the_spot=True)
+            self.shape = play(self.asset, self.clip.value, on_the_spot=True)
         else:
-            self.shape = posed(person.asset, limb_rotations(angles, person.asset.skeleton.joint_names))
+            self.shape = posed(self.asset, limb_rotations(angles, self.asset.skeleton.joint_names))
         self.status.content = (self.refused and f"**{self.refused}**\n\n") + describe(person)
         self.joint.visible = self.shown.value == "skin weights"
         self.scale.visible = self.shown.value == "error"
         self.wireframe.disabled = playing  # its lines would stand still
+        self.level.disabled = wish.parts
         self.tab.scene.add_glb("/person", glb.encode(self.colored(self.shape, person)))
         self.show_edges(self.shape)
         box = room_of(self.shape)
@@ -231,10 +237,25 @@ class Page:
         self.box = box
         self.fit()
 
+    def offer_parts(self, names: tuple[str, ...]) -> None:
+        """A switch for each part of the person."""
+        if tuple(self.parts) == names:
+            return
+        for switch in self.parts.values():
+            switch.remove()
+        with self.person_folder:
+            self.parts = {name: self.tab.gui.add_checkbox(name, True) for name in names}
+        self.draw_on_change(*self.parts.values())
+
+    def worn(self, asset: Asset) -> Asset:
+        """The person with the parts that are switched on; all of them where none is."""
+        on = [name for name, switch in self.parts.items() if switch.value]
+        return keep(asset, on) if 0 < len(on) < len(self.parts) else asset
+
     def put_back(self, wish: Wish) -> None:
         """Let the controls ask for somebody again."""
         self.seed, self.typed.value = wish.seed, str(wish.seed)
-        self.truncation.value = wish.truncation
+        self.truncation.value, self.in_parts.value = wish.truncation, wish.parts
         self.faces.value = next(faces for faces in FACES if int(faces) == wish.faces)
 
     def fit(self, always: bool = False) -> None:
@@ -289,44 +310,12 @@ class Page:
         """
         if self.asset is None or self.shape is None:
             raise InputError("there is no person to download yet; choose another seed")
-        name = f"avatar_{self.asset.info.seed}.{self.format.value}"
-        rest = find_format(name).rest_pose
-        if rest is not None:
-            asset = posed(self.asset, named_pose(rest, self.asset.skeleton.joint_names))
-        elif self.clip.value != STILL:
-            asset = play(self.asset, self.clip.value, on_the_spot=False)
-        else:
-            asset = self.shape if self.as_posed.value else self.asset
-        asset = aim_bones(asset)
-        files = encode(asset, name)
-        return (name, files[0][1]) if len(files) == 1 else (f"{name}.zip", zipped(files))
-
-
-def play(asset: Asset, clip: str, on_the_spot: bool) -> Asset:
-    """The asset with a built-in clip alone.
-
-    Raises:
-        InputError: the skeleton lacks a joint that the clip moves.
-    """
-    motion = make_clip(clip, figure_of(asset))
-    return animate(replace(asset, animations=()), [in_place(motion) if on_the_spot else motion])
-
-
-def zipped(files: list[tuple[Path, bytes]]) -> bytes:
-    """The files in one archive; same files, same bytes."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path, data in files:
-            archive.writestr(zipfile.ZipInfo(path.name), data, zipfile.ZIP_DEFLATED)
-    return stream.getvalue()
-
-
-def room_of(shape: Asset) -> Float64[np.ndarray, "2 3"]:
-    """The low and the high corner of the box around the asset, or around its animations, metres."""
-    if not shape.animations:
-        return np.stack([shape.vertices.min(axis=0), shape.vertices.max(axis=0)]).astype(np.float64)
-    played = np.concatenate([boxes(shape, animation) for animation in shape.animations])
-    return np.stack([played[:, 0].min(axis=0), played[:, 1].max(axis=0)])
+        return file_of(
+            self.asset,
+            self.shape if self.as_posed.value else self.asset,
+            self.format.value,
+            None if self.clip.value == STILL else self.clip.value,
+        )
 
 
 def quoted(typed: str) -> str:

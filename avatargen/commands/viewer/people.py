@@ -9,8 +9,10 @@ from jaxtyping import Float64
 
 from assets import Asset, BuildConfig, build, with_levels
 from assets.asset.levels import at_level, level_error
+from assets.build_config import AvatarFields
 from assets.picture.paint import vertex_errors
-from avatargen.avatar import Avatar, Sampler
+from avatargen.avatar import Sampler
+from avatargen.errors import InputError
 
 KEPT = 4  # people: each takes some 100 MB with its planes
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
@@ -18,18 +20,19 @@ Progress = Callable[[str, float], None]  # name of the stage that begins, share 
 
 @dataclass(frozen=True)
 class Wish:
-    """Which person, and in how many triangles."""
+    """Which person, in how many triangles, and whether in parts."""
 
     seed: int
     truncation: float = 1.0
     faces: int = 20_000
+    parts: bool = False  # body, garments and hair as meshes of their own
 
 
 @dataclass(kw_only=True)
 class Person:
     """A built person; coarser levels are made, and errors measured, when they are first looked at."""
 
-    avatar: Avatar
+    avatar: AvatarFields
     asset: Asset
     measured: Float64[np.ndarray, " W"] | None = field(default=None)
     coarser: dict[int, "Person"] = field(default_factory=dict)
@@ -50,7 +53,13 @@ class Person:
         return self.coarser[level]
 
     def errors(self) -> Float64[np.ndarray, " W"]:
-        """Distance of the mesh to the field around each vertex, millimetres."""
+        """Distance of the mesh to the field around each vertex, millimetres.
+
+        Raises:
+            InputError: the person is in parts, which have a field each.
+        """
+        if self.asset.parts:
+            raise InputError("the error is shown of one mesh; leave the clothes on for good to see it")
         if self.measured is None:
             self.measured = vertex_errors(self.asset, self.avatar.sdf)
         return self.measured
@@ -75,8 +84,22 @@ class People:
         """
         if wish not in self.kept:
             avatar = self.sampler.sample(wish.seed, wish.truncation)
-            self.kept[wish] = Person(avatar=avatar, asset=build(avatar, self.settings(wish.faces), progress))
+            self.kept[wish] = Person(avatar=avatar, asset=self.built(avatar, wish, progress))
             while len(self.kept) > KEPT:
                 self.kept.popitem(last=False)
         self.kept.move_to_end(wish)
         return self.kept[wish]
+
+    def built(self, avatar: AvatarFields, wish: Wish, progress: Progress) -> Asset:
+        """The person's asset; in parts the whole body is kept, to be seen when clothes come off.
+
+        Raises:
+            InputError: parts of a person who is one field.
+        """
+        settings = self.settings(wish.faces)
+        if not wish.parts:
+            return build(avatar, settings, progress)
+        from assets.separate import LayeredFields, build_parts  # most people are looked at as one mesh
+
+        assert isinstance(avatar, LayeredFields)  # which raises for a person who is one field
+        return build_parts(avatar, settings, "keep", progress)

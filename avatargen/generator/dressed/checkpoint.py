@@ -35,7 +35,7 @@ from avatargen.generator.checkpoint import (
 from avatargen.generator.dressed.config import DressedConfig
 from avatargen.generator.dressed.generator import LearnedGarment, LearnedSkin
 
-DRESSED_FORMAT = "avatargen-dressed-2"
+DRESSED_FORMAT = "avatargen-dressed-3"
 SKIN, GARMENT = "skin", "garments."
 LARGEST = 1 << 28  # bytes that a part unpacks to at most
 

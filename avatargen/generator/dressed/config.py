@@ -88,23 +88,16 @@ class GarmentConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class SkinConfig:
-    """Skins, brows, lashes and irises by name. `tables` cover the body piece by piece, `drawn` the part of
-    the face where brows and lashes are.
-    """
+    """Skins and irises by name. `tables` cover the body piece by piece."""
 
     skins: tuple[str, ...]
-    brows: tuple[str, ...]
-    lashes: tuple[str, ...]
     irises: tuple[str, ...]
     tables: tuple[TableConfig, ...]
-    drawn: TableConfig
     iris_side: int  # texels
 
     def __post_init__(self) -> None:
         if not self.skins or not self.irises or not 1 <= self.iris_side <= MAX_SIZE:
             raise InputError(f"weights: the skin's settings {DAMAGED.replace('is', 'are')}")
-        if self.drawn.numbers != max(1, len(self.brows) + len(self.lashes)):
-            raise InputError(f"weights: what is drawn on the face {DAMAGED}")
 
 
 @dataclass(frozen=True, kw_only=True)

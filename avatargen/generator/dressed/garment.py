@@ -63,6 +63,22 @@ class WornGarment:
         return Cloth(distance=distance, rim=rim, color=colour)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LearnedHair:
+    """A trained style of hair."""
+
+    ready: ReadyGarment
+
+    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        return self.ready.volume.least(points)
+
+    def distance(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        return self.ready.volume.read(points)[0]
+
+    def shade(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
+        return self.ready.volume.colors(points)[:, 0]
+
+
 def ready_garment(learned: LearnedGarment, faces: Int64[np.ndarray, "F 3"]) -> ReadyGarment:
     """The arrays of a trained garment."""
     return ReadyGarment(

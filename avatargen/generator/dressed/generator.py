@@ -31,8 +31,8 @@ class LearnedGarment(nn.Module):
 
 
 class LearnedSkin(nn.Module):
-    """Skins as mixtures of the same few patterns, on tables over pieces of the body; brows and lashes as they
-    cover the face; irises seen from the front.
+    """Skins as mixtures of the same few patterns, on tables over pieces of the body; irises seen from the
+    front.
 
     `mixing` [skins, numbers, 3] turns a node's numbers into a skin's colour.
     """
@@ -45,9 +45,7 @@ class LearnedSkin(nn.Module):
     def __init__(self, config: SkinConfig, whole: DressedConfig) -> None:
         super().__init__()
         self.tables = nn.ModuleList(Table(table) for table in config.tables)
-        self.drawn = Table(config.drawn)
-        count = len(config.tables) + 1  # the last are the faces that `drawn` covers
-        self.register_buffer("covered", torch.zeros(count, whole.face_count, dtype=torch.uint8))
+        self.register_buffer("covered", torch.zeros(len(config.tables), whole.face_count, dtype=torch.uint8))
         numbers = config.tables[0].numbers
         self.register_buffer("mixing", torch.zeros(len(config.skins), numbers, 3))
         self.register_buffer("middle", torch.zeros(len(config.skins), 3))

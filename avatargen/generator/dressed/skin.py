@@ -13,10 +13,12 @@ from avatargen.body.model import CanonicalBody
 from avatargen.generator.dressed.config import SkinConfig
 from avatargen.generator.dressed.generator import LearnedSkin
 from avatargen.generator.dressed.tables import Surface, Table
-from avatargen.wardrobe.bare import LASH, UNDERWEAR, underwear
+from avatargen.wardrobe.bare import UNDERWEAR, underwear
 from avatargen.wardrobe.dressed import chosen
-from avatargen.wardrobe.lips import smooth
+from avatargen.wardrobe.face_paint import FaceLines, paint_face
+from avatargen.wardrobe.hair_paint import HairPaint
 from avatargen.wardrobe.makehuman.choose import Attributes
+from avatargen.wardrobe.makehuman.grooming import paint_of
 from avatargen.wardrobe.makehuman.hm08 import Hm08
 from avatargen.wardrobe.makehuman.texture import texels
 
@@ -30,7 +32,6 @@ class ReadySkin:
     hm08: Hm08
     tables: tuple[Surface, ...]
     owner: Int64[np.ndarray, " F"]
-    drawn: Surface
     mixing: Float64[np.ndarray, "S K 3"]
     middle: Float64[np.ndarray, "S 3"]
     irises: np.ndarray
@@ -50,35 +51,31 @@ class ReadySkin:
             )
             for table in self.tables
         )
-        columns = [
-            names.index(name) + before if name in names else None
-            for names, name, before in (
-                (config.brows, person.brows, 0),
-                (config.lashes, person.lashes, len(config.brows)),
-            )
-        ]
         return PersonSkin(
             ready=self,
             tables=tables,
-            brow=columns[0],
-            lash=columns[1],
-            brow_colour=0.55 * np.array(person.hair_colour) + 0.02,
+            lines=person.face,
+            hair_colour=person.hair_colour,
             iris=self.irises[config.irises.index(person.eyes)],
             chest_covered=person.sex == "woman",
+            hair=paint_of(person),
         )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PersonSkin:
-    """One person's skin, eyes, brows and lashes."""
+    """One person's skin and face."""
 
     ready: ReadySkin
     tables: tuple[Surface, ...]
-    brow: int | None
-    lash: int | None
-    brow_colour: Float64[np.ndarray, "3"]
+    lines: FaceLines
+    hair_colour: tuple[float, float, float]
     iris: np.ndarray
     chest_covered: bool
+    hair: HairPaint
+
+    def relief(self, points: Float32[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        return self.hair.relief(points)
 
     def color(self, points: Float32[np.ndarray, "N 3"], hit: BodyHit) -> Float64[np.ndarray, "N 3"]:
         """sRGB at points whose closest point on the body is given."""
@@ -91,23 +88,13 @@ class PersonSkin:
         foot = np.einsum("nk,nka->na", hit.barycentric, body.vertices[corners]).astype(np.float64)
         colour = colour.astype(np.float64)
         colour += (UNDERWEAR - colour) * underwear(body, foot, self.chest_covered)[:, None]
-        drawn = ready.drawn.at(hit)
-        if self.brow is not None:
-            colour += (self.brow_colour - colour) * drawn[:, [self.brow]]
-        eye = ((ready.hm08.hm08_of_body < 0)[corners] * hit.barycentric).sum(axis=1)
-        seen = np.flatnonzero(eye > 0.3)
-        white = self.eye_color(foot[seen]) * (0.5 + 0.38 * smooth(eye[seen], 0.55, 1.0))[:, None]
-        colour[seen] += (white - colour[seen]) * smooth(eye[seen], 0.4, 0.6)[:, None]
-        if self.lash is not None:
-            colour += (LASH - colour) * drawn[:, [self.lash]]
-        return colour.clip(0, 1)
+        colour = self.hair.painted(colour, foot)
+        on_eye = ((ready.hm08.hm08_of_body < 0)[corners] * hit.barycentric).sum(axis=1).astype(np.float64)
+        eyes, lines = ready.hm08.eyes, self.lines
+        return paint_face(colour, foot, on_eye, eyes, lines, self.hair_colour, self.own_iris).clip(0, 1)
 
-    def eye_color(self, foot: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
-        """Iris, pupil and white of the nearer eye, looking ahead."""
-        side = (foot[:, 0] < 0).astype(np.int64)
-        eyes = self.ready.hm08.eyes[side]
-        off = (foot - eyes[:, :3])[:, :2] / eyes[:, 3:]
-        off[:, 0] *= np.where(side == 0, 1, -1)
+    def own_iris(self, off: Float64[np.ndarray, "N 2"]) -> Float64[np.ndarray, "N 3"]:
+        """Iris, pupil and white of the left eye seen from the front, in radii from its middle."""
         return texels(self.iris, ((off + 1) / 2).clip(0.01, 0.99))
 
 
@@ -130,7 +117,6 @@ def ready_skin(learned: LearnedSkin, config: SkinConfig, body: CanonicalBody, hm
         hm08=hm08,
         tables=tuple(tables),
         owner=owner,
-        drawn=learned.drawn.read(body.faces, covered[-1]),
         mixing=learned.mixing.numpy().astype(np.float64),
         middle=learned.middle.numpy().astype(np.float64),
         irises=learned.irises.numpy(),

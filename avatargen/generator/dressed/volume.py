@@ -148,7 +148,7 @@ class Bricks:
         return distance, rim
 
     def colors(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, "N C"]:
-        """Colours of the surface near points, 0..1 (shades 0..2); grey where there is none."""
+        """Colours of the surface near points, 0..1 (shades 0..2); grey (1 of shades) where there is none."""
         found = np.empty((len(points), len(self.color)), np.float32)
         fill_color(self.places(points), self.index, self.color, self.brightest / SHADES, found)
         return found
@@ -295,4 +295,4 @@ def fill_color(place, index, color, scale, found):
             block = nearest_block(place, n, index, low, share)
         within_block(share, low)
         for c in range(found.shape[1]):
-            found[n, c] = between(color[c, block], low, share) * scale if block > 0 else 0.5
+            found[n, c] = between(color[c, block], low, share) * scale if block > 0 else 0.5 * SHADES * scale

@@ -20,6 +20,7 @@ from avatargen.generator.dressed.config import GarmentConfig, TableConfig, Volum
 from avatargen.generator.dressed.lattice import lattice
 from avatargen.generator.dressed.volume import RIM, SIDE, Volume
 from avatargen.training.dressed.painting import fit_nodes, fitted
+from avatargen.wardrobe.makehuman.outfit import TAILORED
 from avatargen.wardrobe.makehuman.truth import Truth, about
 
 MARGIN = 0.05  # m of the grid around a garment
@@ -39,6 +40,7 @@ class LearningConfig:
 
     cloth: float = 0.0045
     small: float = 0.0035  # of what sits on heads and feet
+    large: float = 0.006  # of dresses, and of coats of the same making
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,8 +246,7 @@ def learn(
 ) -> Learned:
     """Learn a garment."""
     rng = np.random.default_rng(0)
-    small = named.kind in ("hair", "hat", "shoes")
-    volume = learn_volume(truth, learning.small if small else learning.cloth, rng)
+    volume = learn_volume(truth, cell_of(named, learning), rng)
     covered, table, places = learn_places(truth, body, rng)
     errors = errors_of(volume, truth, rng)
     show(f"{named.name}: " + told(errors))
@@ -258,6 +259,14 @@ def learn(
         middle=named.middle,
     )
     return Learned(config=config, volume=volume, places=places, covered=covered, errors=errors)
+
+
+def cell_of(named: Named, learning: LearningConfig) -> float:
+    """Metres between a garment's nodes."""
+    if named.kind in ("hair", "hat", "shoes"):
+        return learning.small
+    large = named.kind == "dress" or (named.kind == "outer" and TAILORED in named.tags)
+    return learning.large if large else learning.cloth
 
 
 def told(errors: dict[str, float]) -> str:

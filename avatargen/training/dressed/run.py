@@ -33,16 +33,12 @@ from avatargen.wardrobe.makehuman.person import ArtistGarment, Wardrobe
 from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.truth import ClothTruth, HairTruth, Truth
 
-DRAWN = ("brows", "lashes")  # kinds that are no layers of their own
 SKIN_FILE = "skin.safetensors"
 LEAST_TABLE = TableConfig(segments=1, numbers=1, nodes=1)
 NO_SKIN = SkinConfig(  # of a garment by itself
     skins=("none",),
-    brows=(),
-    lashes=(),
     irises=("none",),
     tables=(LEAST_TABLE,),
-    drawn=LEAST_TABLE,
     iris_side=1,
 )
 
@@ -68,7 +64,7 @@ def train(
     Raises:
         InputError: a name is no garment's, or a file of the run is damaged.
     """
-    layers = {g.name: g for g in wardrobe.garments.values() if g.kind not in DRAWN}
+    layers = wardrobe.garments
     wanted = list(layers) if names is None else list(names)
     if unknown := sorted(set(wanted) - set(layers)):
         raise InputError(f"garments: found {unknown[0]}, wanted some of {', '.join(layers)}")
@@ -76,7 +72,7 @@ def train(
     for name in wanted:
         path = garment_file(out, name)
         if not path.is_file():
-            save_garment(learn_garment(wardrobe, layers[name], config.learning, show), path)
+            save_garment(learn_garment(wardrobe, wardrobe.fitted(name), config.learning, show), path)
     if not (out / SKIN_FILE).is_file():
         save_skins(learn_skins(wardrobe, config.skin, show), wardrobe.body, out / SKIN_FILE)
     if not all(garment_file(out, name).is_file() for name in layers):
@@ -128,10 +124,10 @@ def save_garment(placed: Placed, path: Path) -> None:
 def save_skins(found: LearnedSkins, body: CanonicalBody, path: Path) -> None:
     """Write the skins as the generator holds them."""
     module = LearnedSkin(found.config, whole_of(body, (), found.config))
-    for table, values in zip([*module.tables, module.drawn], [*found.tables, found.drawn], strict=True):
+    for table, values in zip(module.tables, found.tables, strict=True):
         assert isinstance(table, Table)
         table.set(torch.from_numpy(np.asarray(values, dtype=np.float32)))
-    module.covered.copy_(torch.from_numpy(np.stack([*found.covered, found.drawn_on])).to(torch.uint8))
+    module.covered.copy_(torch.from_numpy(np.stack(found.covered)).to(torch.uint8))
     module.mixing.copy_(torch.from_numpy(found.mixing))
     module.middle.copy_(torch.from_numpy(found.middle))
     module.irises.copy_(torch.from_numpy(found.irises))

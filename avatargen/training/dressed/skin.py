@@ -1,5 +1,5 @@
 """Skins learned: photographs as mixtures of the same few patterns on the body's surface, by a truncated
-singular value decomposition; brows and lashes as they cover the face; irises seen from the front.
+singular value decomposition; irises seen from the front.
 
 Letters: F faces, S skins, N nodes, K patterns, P points. sRGB 0..1.
 """
@@ -8,14 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float
 
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.generator.dressed.config import SkinConfig, TableConfig
-from avatargen.generator.dressed.lattice import Lattice, lattice
+from avatargen.generator.dressed.lattice import lattice
 from avatargen.training.dressed.painting import fitted
-from avatargen.wardrobe.bare import LASH
+from avatargen.wardrobe.face_paint import FaceLines
 from avatargen.wardrobe.makehuman.face import SkinPaint
 from avatargen.wardrobe.makehuman.load import read_texture
 from avatargen.wardrobe.makehuman.person import Wardrobe
@@ -23,6 +23,7 @@ from avatargen.wardrobe.makehuman.texture import texels
 
 IRIS_SIDE = 96  # texels across an eyeball
 POINTS_PER_NODE = 8
+NOTHING_DRAWN = FaceLines(brow_width=0.0, brow_arch=0.0, lashes=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +34,6 @@ class SkinCut:
     body: int = 2
     hands: int = 3
     head: int = 6
-    drawn: int = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,8 +43,6 @@ class LearnedSkins:
     config: SkinConfig
     tables: tuple[Float[np.ndarray, "_ K"], ...]
     covered: tuple[Bool[np.ndarray, " F"], ...]
-    drawn: Float[np.ndarray, "M D"]
-    drawn_on: Bool[np.ndarray, " F"]
     mixing: Float[np.ndarray, "S K 3"]
     middle: Float[np.ndarray, "S 3"]
     irises: np.ndarray
@@ -76,7 +74,7 @@ def points_on(
 
 
 def learn_skins(wardrobe: Wardrobe, cut: SkinCut, show: Callable[[str], None]) -> LearnedSkins:
-    """Learn all skins, brows, lashes and irises of a wardrobe."""
+    """Learn all skins and irises of a wardrobe."""
     body, rng = wardrobe.body, np.random.default_rng(0)
     head = on_joints(body, lambda name: name in ("head", "jaw"))
     hands = on_joints(body, lambda name: "wrist" in name or name[-1].isdigit())
@@ -97,22 +95,16 @@ def learn_skins(wardrobe: Wardrobe, cut: SkinCut, show: Callable[[str], None]) -
         show(path.stem)
     found, mixing, middle, error = patterns([np.stack(each, axis=1) for each in seen], cut.patterns)
     show(f"{cut.patterns} patterns of {3 * len(wardrobe.skins)}: {error:.4f} mean square root error")
-    drawn, drawn_on, drawn_table = draw_face(wardrobe, cut, rng)
     config = SkinConfig(
         skins=tuple(wardrobe.skins),
-        brows=names_of(wardrobe, "brows"),
-        lashes=names_of(wardrobe, "lashes"),
         irises=tuple(wardrobe.irises),
         tables=tuple(TableConfig(segments=t.segments, numbers=cut.patterns, nodes=t.count) for t in tables),
-        drawn=TableConfig(segments=cut.drawn, numbers=drawn.shape[1], nodes=drawn_table.count),
         iris_side=IRIS_SIDE,
     )
     return LearnedSkins(
         config=config,
         tables=tuple(found),
         covered=tuple(covered),
-        drawn=drawn,
-        drawn_on=drawn_on,
         mixing=mixing,
         middle=middle,
         irises=np.stack([iris_patch(paint_of(wardrobe, name)) for name in wardrobe.irises]),
@@ -138,60 +130,22 @@ def patterns(
     return parts, mixing, middle.reshape(skins, 3), error
 
 
-def names_of(wardrobe: Wardrobe, kind: str) -> tuple[str, ...]:
-    """Names of the garments of a kind."""
-    return tuple(sorted(g.name for g in wardrobe.garments.values() if g.kind == kind))
-
-
-def paint_of(wardrobe: Wardrobe, iris: str | None = None, brows: str = "", lashes: str = "") -> SkinPaint:
-    """A face painted white, with one iris, brow or lash."""
+def paint_of(wardrobe: Wardrobe, iris: str | None = None) -> SkinPaint:
+    """A face painted white, with one iris."""
     return SkinPaint(
         hm08=wardrobe.hm08,
         body=wardrobe.body,
         skin=np.full((1, 1, 3), 255, np.uint8),
         iris=read_texture(wardrobe.irises[iris or next(iter(wardrobe.irises))]),
-        brows=wardrobe.garments.get(brows),
-        lashes=wardrobe.garments.get(lashes),
+        lines=NOTHING_DRAWN,
+        hair_colour=(0.0, 0.0, 0.0),
         chest_covered=False,
-        brow_colour=np.ones(3),
     )
-
-
-def draw_face(
-    wardrobe: Wardrobe, cut: SkinCut, rng: np.random.Generator
-) -> tuple[Float32[np.ndarray, "M D"], Bool[np.ndarray, " F"], Lattice]:
-    """How far each brow and each lash covers the face, on the part of it where they are."""
-    body = wardrobe.body
-    feet = body.vertices[body.faces].astype(np.float64)
-    kinds = [(name, "brows") for name in names_of(wardrobe, "brows")]
-    kinds += [(name, "lashes") for name in names_of(wardrobe, "lashes")]
-    paints = [paint_of(wardrobe, **{kind: name}) for name, kind in kinds]
-
-    def shares(foot: np.ndarray) -> Float[np.ndarray, "P D"]:
-        black = np.zeros((len(foot), 3))
-        columns = [np.zeros(len(foot))] if not kinds else []
-        for (_, kind), paint in zip(kinds, paints, strict=True):
-            if kind == "brows":
-                columns.append(paint.paint_brows(black, foot)[:, 0])
-            else:
-                columns.append((1 - paint.paint_lashes(black + 1, foot)[:, 0]) / (1 - LASH[0]))
-        return np.stack(columns, axis=1)
-
-    eyes = wardrobe.hm08.eyes
-    near = (np.abs(feet[:, :, 1] - eyes[0, 1]).min(axis=1) < 0.05) & (feet[:, :, 2].max(axis=1) > 0.02)
-    near &= on_joints(body, lambda name: name in ("head", "jaw"))
-    table = lattice(body.faces, grown(near, body.faces), cut.drawn)
-    on = grown(near, body.faces)
-    hit = points_on(body, on, POINTS_PER_NODE * table.count, rng)
-    foot = np.einsum("nk,nka->na", hit.barycentric, feet[hit.face])
-    return fitted(body, table, hit, shares(foot)), on, table
 
 
 def iris_patch(paint: SkinPaint) -> np.ndarray:
     """An eyeball seen from the front, a texel's middle at (i + 0.5) / side of its width, bytes."""
     axis = (np.arange(IRIS_SIDE) + 0.5) / IRIS_SIDE * 2 - 1
-    x, y = np.meshgrid(axis, axis, indexing="xy")
-    centre, radius = paint.hm08.eyes[0, :3], paint.hm08.eyes[0, 3]
-    foot = np.stack([centre[0] + x * radius, centre[1] + y * radius, np.full_like(x, centre[2])], axis=-1)
-    colour = paint.eye_color(foot.reshape(-1, 3)).reshape(IRIS_SIDE, IRIS_SIDE, 3)
+    off = np.stack(np.meshgrid(axis, axis, indexing="xy"), axis=-1).reshape(-1, 2)
+    colour = paint.own_iris(off).reshape(IRIS_SIDE, IRIS_SIDE, 3)
     return (colour.clip(0, 1) * 255).round().astype(np.uint8)

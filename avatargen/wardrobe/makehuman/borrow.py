@@ -1,16 +1,26 @@
 """A person in another's clothes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from avatargen.errors import InputError
 from avatargen.wardrobe.makehuman.choose import Attributes
 
-LENT = ("top", "bottom", "overall", "outer", "shoes", "hat")  # what can be borrowed; shoes with their socks
-OUTWARD = ("socks", "shoes", "bottom", "overall", "top", "outer", "hat")  # from the skin
+LENT = (
+    "top",
+    "bottom",
+    "dress",
+    "overall",
+    "outer",
+    "shoes",
+    "hat",
+)  # what can be borrowed; shoes with their socks
+OUTWARD = ("socks", "shoes", "bottom", "overall", "dress", "top", "outer", "hat")  # from the skin
 TAKES_OFF = {
-    "overall": ("overall", "top", "bottom"),
-    "bottom": ("bottom", "overall"),
+    "overall": ("overall", "top", "bottom", "dress"),
+    "dress": ("dress", "overall", "top", "bottom"),
+    "top": ("top", "dress"),
+    "bottom": ("bottom", "overall", "dress"),
     "shoes": ("shoes", "socks"),
 }
 Color = tuple[float, float, float]
@@ -35,7 +45,8 @@ def worn_by(person: Attributes) -> list[Worn]:
 
 def borrow(person: Attributes, lender: Callable[[int], Attributes], wear: Mapping[str, int]) -> Attributes:
     """The person in garments of other seeds: `wear` names by kind the seed that lends. A top goes over an
-    overall; a bottom takes an overall off, so a top has to come with it.
+    overall; a bottom takes an overall or a dress off, so a top has to come with it; a top takes a dress
+    off, so a bottom has to.
 
     Raises:
         InputError: an unknown kind, a seed that wears none, or somebody would be left without a top.
@@ -52,11 +63,19 @@ def borrow(person: Attributes, lender: Callable[[int], Attributes], wear: Mappin
             raise InputError(f"wear: seed {seed} wears no {kind}; it wears {has or 'nothing'}")
         if kind == "bottom" and "overall" in person.kinds and "top" not in wear:
             raise InputError("wear: a bottom takes this person's overall off; borrow a top as well")
+        if kind in ("top", "bottom") and "dress" in person.kinds and not {"top", "bottom"} <= set(wear):
+            missing = "bottom" if kind == "top" else "top"
+            raise InputError(f"wear: a {kind} takes this person's dress off; borrow a {missing} as well")
         off = {kind, *TAKES_OFF.get(kind, ())} - (set(wear) - {kind})
         worn = [each for each in worn if each.kind not in off] + lent
         if kind == "top":
             prints = (other.print_colour, other.print_width)
     worn.sort(key=lambda each: OUTWARD.index(each.kind) if each.kind in OUTWARD else len(OUTWARD))
+    return replace(wearing(person, worn), print_colour=prints[0], print_width=prints[1])
+
+
+def wearing(person: Attributes, worn: Sequence[Worn]) -> Attributes:
+    """The person in these garments, from the skin outward."""
     return replace(
         person,
         garments=tuple(each.garment for each in worn),
@@ -64,6 +83,4 @@ def borrow(person: Attributes, lender: Callable[[int], Attributes], wear: Mappin
         colours=tuple(each.colour for each in worn),
         shades=tuple(each.shade for each in worn),
         prints=tuple(each.printed for each in worn),
-        print_colour=prints[0],
-        print_width=prints[1],
     )

@@ -7,17 +7,26 @@ comes after them, from the same generator, so the old ones stay what they are.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import erf
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import TypeVar
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from avatargen.wardrobe.attributes import LATENT_SIZE, People
+from avatargen.wardrobe.attributes import LATENT_SIZE, People, coordinate
 from avatargen.wardrobe.colour_names import colour_name
-from avatargen.wardrobe.makehuman.words import garment_word, hair_color_word, hair_word
-from avatargen.wardrobe.skin import HAIR_TONES
+from avatargen.wardrobe.dyes import BOTTOMS, COATS, SHOES, SUITS, TOPS, Dyes
+from avatargen.wardrobe.face_paint import FaceLines
+from avatargen.wardrobe.makehuman.hairs import (
+    HairWorn,
+    beard_style,
+    hair_style,
+    hair_worn,
+    natural_hair,
+)
+from avatargen.wardrobe.makehuman.outfit import Item, worn_by
+from avatargen.wardrobe.makehuman.words import eye_word, garment_word, hair_color_word, hair_word
 
 NEW = (
     "skin_photo",
@@ -40,38 +49,38 @@ NEW = (
     "print_b",
     "spare",
     "spare_too",
+    "hair_part",
+    "hair_length",
+    "hairline",
+    "beard",
+    "outfit",
+    "borrows",
+    "coat",
+    "coat_item",
+    "socks",
 )
+DRAWN_AT_ONCE = 20  # the first of them; those after are drawn one by one, so that none changes when more come
 FULL_SIZE = LATENT_SIZE + len(NEW)
 NATURAL_IRISES = ("brown", "brownlight", "green", "grey", "blue", "lightblue", "deepblue", "bluegreen")
-THIN = ("long01",)  # sheets of hair that meshes of usual size tear down the back
-BROWS = {  # of MakeHuman's, those that frown least
-    "woman": ("eyebrow001", "eyebrow004", "eyebrow006", "eyebrow008", "eyebrow011"),
-    "man": ("eyebrow001", "eyebrow004", "eyebrow008", "eyebrow010", "eyebrow012"),
-}
-HATS = 0.08  # share of people who wear one
-DARK_IRISES = ("brown", "brown", "brownlight")
+DARK_IRISES = ("brown", "brown", "brown", "brownlight")
 TONES = (("light", 0.285), ("medium", 0.56), ("brown", 0.81), ("dark", 1.0))  # by the measure of the skin
+DRESS = "dress"
+UNPRINTED = ("hoodie", "sweater")
+SOCKS = ((0.88, 0.88, 0.88), (0.07, 0.07, 0.08), (0.45, 0.45, 0.47))  # white, black, grey
+DYED = {  # kind: coordinates of its colour, the dyes, what decides whether it keeps its own, and how many do
+    "top": ("top", TOPS, "top_plain", 0.2),
+    "dress": ("top", TOPS, "top_plain", 0.2),
+    "outer": ("outer", COATS, "top_plain", 0.2),
+    "bottom": ("bottom", BOTTOMS, "bottom_plain", 0.4),
+    "overall": ("bottom", BOTTOMS, "bottom_plain", 0.4),
+    "hat": ("second", COATS, "bottom_plain", 0.5),
+    "shoes": ("shoe", SHOES, "spare_too", 0.4),
+}
+STATURES = (("short", 0.16), ("average", 0.84), ("tall", 1.0))  # by the measure of the height
 WORN = ("hat", "top", "bottom", "overall", "outer", "shoes")  # kinds in a person's description
 
 
 T = TypeVar("T")
-
-
-@runtime_checkable
-class Item(Protocol):
-    """What can be chosen: a garment, hair, brows, lashes. `own_color` is its artist's, on the whole, sRGB."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def kind(self) -> str: ...
-
-    @property
-    def tags(self) -> tuple[str, ...]: ...
-
-    @property
-    def own_color(self) -> tuple[float, float, float]: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +94,11 @@ class Attributes:
     skin_mix: float  # share of the second
     skin_tint: tuple[float, float, float]  # factors on the skin
     eyes: str
-    brows: str
-    lashes: str
+    face: FaceLines
     hair: str | None
     hair_colour: tuple[float, float, float]
+    hair_worn: HairWorn
+    beard: str  # one of BEARDS
     garments: tuple[str, ...]  # from the skin outward
     colours: tuple[tuple[float, float, float] | None, ...]  # of each garment; None: as the artist has it
     kinds: tuple[str, ...]  # of each garment: top, bottom, ...
@@ -96,25 +106,35 @@ class Attributes:
     prints: tuple[str, ...]  # of each garment: plain, across, down or checks
     print_colour: tuple[float, float, float]
     print_width: float  # m
+    figure: str = "average"  # slim, average, heavy or muscular
+    stature: str = "average"  # for the sex: short, average or tall
 
     def facts(self) -> dict[str, str | int | float]:
         """Names and values, as reports and files hold them; what is not worn is none."""
         found: dict[str, str | int | float] = {
             "gender": self.sex,
             "age": self.age,
+            "figure": self.figure,
+            "stature": self.stature,
             "skin": self.tone,
-            "eyes": self.eyes,
+            "eyes": eye_word(self.eyes),
             "hair": hair_word(self.hair),
         }
         if self.hair:
             found["hair_color"] = hair_color_word(self.hair_colour)
+        found["beard"] = self.beard
         for kind in WORN:
             place = self.kinds.index(kind) if kind in self.kinds else None
             found[kind] = "none" if place is None else garment_word(self.garments[place], kind)
-            if place is not None and kind != "shoes":
+            if place is not None:
                 found[f"{kind}_color"] = colour_name(np.array(self.shades[place]))
-        covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall")]
+        if DRESS in self.kinds:  # it is both
+            found["top"] = found["bottom"] = DRESS
+            found["top_color"] = colour_name(np.array(self.shades[self.kinds.index(DRESS)]))
+        covering = [i for i, kind in enumerate(self.kinds) if kind in ("top", "overall", DRESS)]
         found["pattern"] = self.prints[covering[-1]] if covering else "plain"
+        if found["pattern"] != "plain":
+            found["pattern_color"] = colour_name(np.array(self.print_colour))
         found["garments"] = ", ".join(self.garments)
         return found
 
@@ -123,7 +143,9 @@ def draw_latent(seed: int) -> Float[Tensor, "1 Z"]:
     """The latent of a seed: the procedural wardrobe's 80 numbers, then the new ones."""
     draw = torch.Generator().manual_seed(seed)
     old = torch.randn(1, LATENT_SIZE, generator=draw)
-    return torch.cat([old, torch.randn(1, len(NEW), generator=draw)], dim=1)
+    new = [torch.randn(1, DRAWN_AT_ONCE, generator=draw)]
+    new += [torch.randn(1, 1, generator=draw) for _ in NEW[DRAWN_AT_ONCE:]]
+    return torch.cat([old, *new], dim=1)
 
 
 class Draw:
@@ -143,24 +165,11 @@ class Draw:
         """One of the options, all as likely."""
         return options[min(int(self.share(name) * len(options)), len(options) - 1)]
 
-    def colour(
-        self, name: str, low: float = 0.06, high: float = 0.92, chroma: float = 0.2
-    ) -> tuple[float, float, float]:
-        """A colour of the procedural coding."""
-        r, g, b = self.people.colour(name, low, high, chroma=chroma)[0, 0].tolist()
-        return (r, g, b)
-
-
-def natural_hair(share: float, dark: float, age: float, grey: float) -> tuple[float, float, float]:
-    """Hair colours that go with a skin (dark 0..1), greyer with age."""
-    place = share * (1 - 0.93 * dark) * (len(HAIR_TONES) - 1.001)
-    if 3.2 < place < 4.4 and dark > 0.25:
-        place = 1.5
-    low = int(place)
-    tone = HAIR_TONES[low] + (HAIR_TONES[low + 1] - HAIR_TONES[low]) * (place - low)
-    white = max(0.0, min(1.0, (age - 0.72) / 0.28)) * grey
-    r, g, b = (tone + (0.66 - tone) * white).tolist()
-    return (r, g, b)
+    def dye(self, name: str, among: Dyes) -> tuple[float, float, float]:
+        """One of the dyes, by a colour's three coordinates."""
+        first = coordinate(name)
+        lighter, clearer = self.people.z[0, first + 1 : first + 3].tolist()
+        return among.dye(self.share(name), lighter, clearer)
 
 
 def skin_names(names: list[str], age: str, tone: str, sex: str) -> list[str]:
@@ -190,10 +199,8 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
     options = [name for name in (DARK_IRISES if dark > 0.2 else NATURAL_IRISES) if name in irises] or irises
     worn, colours, prints = outfit(draw, garments, woman)
     shades = [garments[n].own_color if c is None else c for n, c in zip(worn, colours, strict=True)]
-    hair = hair_style(draw, garments, woman, dark)
-    brows = [g.name for g in garments.values() if g.kind == "brows"]
-    brows = [name for name in brows if name in BROWS["woman" if woman else "man"]] or brows
-    lashes = [g.name for g in garments.values() if g.kind == "lashes"]
+    styles = {g.name: g.tags for g in garments.values() if g.kind == "hair"}
+    hair = hair_style(draw.share("hair_style"), styles, woman, dark)
     return Attributes(
         sex="woman" if woman else "man",
         age=age,
@@ -202,87 +209,67 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
         skin_mix=mixed,
         skin_tint=tint,
         eyes=str(draw.one_of("eyes", tuple(options))),
-        brows=str(draw.one_of("brows", tuple(sorted(brows)))) if brows else "",
-        lashes=str(draw.one_of("lashes", tuple(sorted(lashes)))) if lashes else "",
+        face=face_lines(draw, woman),
         hair=hair,
         hair_colour=natural_hair(draw.share("hair_colour"), dark, years, draw.share("wear")),
+        hair_worn=hair_worn(draw.share, woman, years),
+        beard=beard_style(draw.share("beard"), woman),
         garments=tuple(worn),
         colours=tuple(colours),
         kinds=tuple(garments[name].kind for name in worn),
         shades=tuple(shades),
         prints=tuple(prints),
-        print_colour=draw.colour("second"),
+        print_colour=draw.dye("second", TOPS),
         print_width=0.006 + 0.03 * draw.share("print_scale"),
+        figure=figure_word(draw.share("weight"), draw.share("muscle")),
+        stature=next(word for word, end in STATURES if draw.share("height") <= end),
     )
 
 
-def hair_style(draw: Draw, garments: Mapping[str, Item], woman: bool, dark: float) -> str | None:
-    """A style for the sex; afro hair on dark skins."""
-    if not woman and draw.share("hair_style") > 0.93:
-        return None
-    styles = [g for g in garments.values() if g.kind == "hair" and g.name not in THIN]
-    fitting = [g for g in styles if ("Female" in g.tags) == woman or not {"Male", "Female"} & set(g.tags)]
-    fitting = [g for g in fitting if "Afro" not in g.tags or dark > 0.7]
-    return str(draw.one_of("hair_style", tuple(sorted(g.name for g in fitting)))) if fitting else None
+def face_lines(draw: Draw, woman: bool) -> FaceLines:
+    """Women's brows are finer and higher, and their lashes longer."""
+    width, arch = draw.share("brows"), draw.share("lashes")
+    return FaceLines(
+        brow_width=0.15 + 0.35 * width if woman else 0.5 + 0.5 * width,
+        brow_arch=0.5 + 0.5 * arch if woman else 0.1 + 0.5 * arch,
+        lashes=0.8 if woman else 0.2,
+    )
+
+
+def figure_word(weight: float, muscle: float) -> str:
+    """What a figure is called, by the shares of people who weigh less and who are less muscular."""
+    if weight > 0.8:
+        return "heavy"
+    if muscle > 0.8:
+        return "muscular"
+    return "slim" if weight < 0.2 else "average"
 
 
 def outfit(
     draw: Draw, garments: Mapping[str, Item], woman: bool
 ) -> tuple[list[str], list[tuple[float, float, float] | None], list[str]]:
     """What is worn from the skin outward, its colours and prints."""
-    wanted = "Female" if woman else "Male"
-
-    def of(kind: str) -> tuple[Item, ...]:
-        all_of = [g for g in garments.values() if g.kind == kind]
-        suited = {wanted, "Casual"} if woman else {wanted}  # women wear men's casual clothes, too
-        sexed = [g for g in all_of if suited & set(g.tags) or not {"Male", "Female"} & set(g.tags)]
-        return tuple(sorted(sexed or all_of, key=lambda g: g.name))
-
-    worn: list[Item] = []
-    shoes = draw.one_of("shoes_item", of("shoes")) if of("shoes") else None
-    if shoes is not None:
-        worn += [g for g in garments.values() if g.kind == "socks" and outfit_of(g) == outfit_of(shoes)]
-        worn.append(shoes)
-    over = {outfit_of(g) for g in garments.values() if g.kind in ("outer", "overall")}
-    whole = tuple(g for g in of("top") if outfit_of(g) not in over)  # others are cut where the outer lies
-    uppers = whole + of("outer") + (of("overall") if not woman else ())
-    upper = draw.one_of("top_item", uppers) if uppers else None
-    if (upper is None or upper.kind != "overall") and of("bottom"):
-        worn.append(draw.one_of("bottom_item", of("bottom")))
-    if upper is not None and upper.kind in ("outer", "overall"):
-        worn += [g for g in garments.values() if g.kind == "top" and outfit_of(g) == outfit_of(upper)]
-    if upper is not None:
-        worn.append(upper)
-    if of("hat") and draw.share("spare") < HATS:
-        worn.append(draw.one_of("spare_too", of("hat")))
+    worn = worn_by(draw, garments, woman)
     colours, prints = [], []
     for garment in worn:
-        colours.append(garment_colour(draw, garment))
-        printed = garment.kind == "top" and "elegant" not in garment.name and colours[-1] is not None
+        socks = draw.one_of("socks", SOCKS) if garment.kind == "socks" else None
+        colours.append(socks or garment_colour(draw, garment))
+        plain = "elegant" in garment.name or garment_word(garment.name, garment.kind) in UNPRINTED
+        printed = garment.kind == "top" and not plain and colours[-1] is not None
         prints.append(print_kind(draw) if printed else "plain")
     return [g.name for g in worn], colours, prints
 
 
-def outfit_of(garment: Item) -> str:
-    """The name of the file that a garment comes from."""
-    return garment.name.split("-")[0]
-
-
 def garment_colour(draw: Draw, garment: Item) -> tuple[float, float, float] | None:
     """The colour that a garment is dyed, None for the artist's own."""
-    if "Elegant" in garment.tags and "Male" in garment.tags:  # suits are worn in dark colours
-        return draw.colour("outer", 0.05, 0.35, chroma=0.05) if draw.share("top_plain") > 0.4 else None
-    if garment.kind in ("top", "outer"):
-        return (
-            draw.colour("top" if garment.kind == "top" else "outer")
-            if draw.share("top_plain") > 0.2
-            else None
-        )
-    if garment.kind == "hat":
-        return draw.colour("second", 0.05, 0.6) if draw.share("bottom_plain") > 0.5 else None
-    if garment.kind in ("bottom", "overall"):
-        return draw.colour("bottom", 0.06, 0.5) if draw.share("bottom_plain") > 0.4 else None
-    return None
+    if garment.kind not in DYED or garment_word(garment.name, garment.kind) == "sneakers":
+        return None  # sneakers are of several colours
+    name, among, plain, own = DYED[garment.kind]
+    if draw.share(plain) < own:
+        return None
+    if garment.kind != "shoes" and {"Elegant", "Male"} <= set(garment.tags):
+        return draw.dye("outer", SUITS)
+    return draw.dye(name, among)
 
 
 def print_kind(draw: Draw) -> str:

@@ -34,6 +34,7 @@ PHENOTYPE_STEPS: dict[str, tuple[dict[str, float], dict[str, float], float]] = {
     "african": (CAUCASIAN, {"african": 0.8, "asian": 0.1, "caucasian": 0.1}, 0.8),
     "asian": (CAUCASIAN, {"african": 0.1, "asian": 0.8, "caucasian": 0.1}, 0.8),
 }
+NOTHING = ""  # the other end of what has but one
 # files of targets, the one that takes away first, and how much of them one more of the shape is
 TARGETS: dict[str, tuple[tuple[str, str, float], ...]] = {
     "nose": (
@@ -58,8 +59,8 @@ TARGETS: dict[str, tuple[tuple[str, str, float], ...]] = {
         ("head/head-invertedtriangular", "head/head-square", 0.245),
     ),
     "chin": (
-        ("chin/chin-height-decr", "chin/chin-height-incr", 0.315),
-        ("chin/chin-prominent-decr", "chin/chin-prominent-incr", 0.28),
+        ("chin/chin-height-decr", "chin/chin-height-incr", 0.22),
+        ("chin/chin-prominent-decr", "chin/chin-prominent-incr", 0.5),
     ),
     "cheek": (
         ("cheek/?-cheek-bones-decr", "cheek/?-cheek-bones-incr", 0.6),
@@ -88,6 +89,14 @@ TARGETS: dict[str, tuple[tuple[str, str, float], ...]] = {
         ("ears/?-ear-scale-decr", "ears/?-ear-scale-incr", 0.24),
         ("ears/?-ear-wing-decr", "ears/?-ear-wing-incr", 0.24),
     ),
+    "smile": (
+        ("mouth/mouth-angles-down", "mouth/mouth-angles-up", 0.5),
+        (NOTHING, "expression/units/caucasian/mouth-corner-puller", 0.35),
+    ),
+    "brows": (
+        ("eyebrows/eyebrows-angle-down", "eyebrows/eyebrows-angle-up", 0.5),
+        ("eyebrows/eyebrows-trans-down", "eyebrows/eyebrows-trans-up", 0.4),
+    ),
 }
 DECIMETRE = 0.1
 
@@ -109,8 +118,11 @@ def feature(folder: Path, parts: tuple[tuple[str, str, float], ...]) -> Float[np
     moved = np.zeros((HM08_VERTICES, 3))
     for less, more, share in parts:
         for side in "lr" if "?" in less else "?":
-            low, high = (folder / f"{name.replace('?', side)}.target.gz" for name in (less, more))
-            moved += share / 2 * (read_target(high) - read_target(low))
+            low, high = (
+                read_target(folder / f"{name.replace('?', side)}.target.gz") if name else 0.0
+                for name in (less, more)
+            )
+            moved += share / 2 * (high - low)
     return moved
 
 

@@ -1,6 +1,6 @@
 """Loading a folder of MakeHuman assets: every garment in it, fitted to the canonical body.
 
-    DIR/clothes/NAME/NAME.mhclo   DIR/hair/...   DIR/eyebrows/...   DIR/eyelashes/...
+    DIR/clothes/NAME/NAME.mhclo   DIR/hair/...
 
 A folder of that layout is what MakeHuman itself keeps for its users, so downloaded clothes work by path.
 """
@@ -22,7 +22,7 @@ from avatargen.wardrobe.makehuman.hm08 import Hm08, load_hm08
 from avatargen.wardrobe.makehuman.pieces import kind_of, pieces_of
 from avatargen.wardrobe.makehuman.read import Binding, Mesh, read_binding, read_material, read_mesh
 
-FOLDERS = {"clothes": "", "hair": "hair", "eyebrows": "brows", "eyelashes": "lashes"}
+FOLDERS = {"clothes": "", "hair": "hair"}
 MAX_PIXELS = 8192**2
 LEAST_SHARE = 0.18  # of the faces of the largest piece of its kind, to be a garment by itself
 
@@ -31,8 +31,8 @@ LEAST_SHARE = 0.18  # of the faces of the largest piece of its kind, to be a gar
 class FittedGarment:
     """One garment on the canonical body (X-pose, betas 0): an open or closed surface with its texture.
 
-    `kind` is top, bottom, outer, tie, overall, shoes, socks, hat, hair, brows or lashes. uv runs from the top
-    left of the texture, one row a face corner.
+    `kind` is top, bottom, dress, outer, tie, overall, shoes, socks, hat or hair. uv runs from the top left of
+    the texture, one row a face corner.
     """
 
     name: str

@@ -1,5 +1,6 @@
 """People of the artist-made wardrobe: the truth that the generator of dressed people learns."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,18 +12,22 @@ from jaxtyping import Bool, Float, Float32, Float64
 from avatargen.body.distance import BodyHit
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
-from avatargen.wardrobe.appearance import Dye, HairDye
+from avatargen.wardrobe.appearance import Dye
 from avatargen.wardrobe.colour_names import lab
 from avatargen.wardrobe.dressed import EDGE_ZONE, Cloth, DressedField, Opening
 from avatargen.wardrobe.makehuman.choose import Attributes, Draw, choose, draw_latent
 from avatargen.wardrobe.makehuman.face import SkinPaint
+from avatargen.wardrobe.makehuman.grooming import hairdo_of, paint_of
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_folder, read_texture
 from avatargen.wardrobe.makehuman.pattern import padded, pattern_places, trim_texels, used_texels
 from avatargen.wardrobe.makehuman.solid import Solid
-from avatargen.wardrobe.makehuman.strands import BRIDGE, Strands
+from avatargen.wardrobe.makehuman.strands import Strands
 from avatargen.wardrobe.makehuman.texture import texels
 from avatargen.wardrobe.stature import Sizing
+from avatargen.wardrobe.tailored.collection import PATTERNS, Pattern
+from avatargen.wardrobe.tailored.collection import made as sewn_garment
+from avatargen.wardrobe.worn_hair import WornHair
 
 ALONG = 0.6  # cosine between skin and cloth from which cloth runs along the skin
 POKE = 0.015  # m that skin may stick out of cloth that runs along it, to be counted as hidden
@@ -134,38 +139,6 @@ class WornCloth:
         return Cloth(distance=found.distance, rim=found.rim, color=colour)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WornHair:
-    """An artist's hair as one person has it."""
-
-    strands: Strands
-    appearance: HairDye
-
-    @property
-    def kind(self) -> str:
-        return "hair"
-
-    @property
-    def hidden(self) -> Bool[np.ndarray, " V"]:
-        return np.zeros(0, dtype=bool)
-
-    @property
-    def opening(self) -> None:
-        return None
-
-    def least(self, points: Float32[np.ndarray, "N 3"]) -> Float32[np.ndarray, " N"]:
-        return (to_box(points, self.strands.samples[0]) - BRIDGE).clip(0)
-
-    def cloth(self, points: Float32[np.ndarray, "M 3"], hit: BodyHit, *, coloured: bool) -> Cloth:
-        distance = self.strands.distance(points)
-        colour = np.full((len(points), 3), 0.5, np.float32)
-        near = np.flatnonzero(distance < COLOURED) if coloured else np.zeros(0, np.int64)
-        if len(near):
-            shade = np.repeat(self.strands.shade(points[near])[:, None], 4, axis=1)
-            colour[near] = self.appearance.color(shade, np.zeros((len(near), 2)))
-        return Cloth(distance=distance, rim=np.ones(len(points), np.float32), color=colour)
-
-
 def to_box(points: Float32[np.ndarray, "N 3"], cloud: np.ndarray) -> Float32[np.ndarray, " N"]:
     """Metres to the box around a cloud of points."""
     low, high = cloud.min(axis=0), cloud.max(axis=0)
@@ -178,14 +151,15 @@ def unit_normals(vertices: np.ndarray, faces: np.ndarray) -> Float64[np.ndarray,
 
 
 class Wardrobe:
-    """A folder of MakeHuman's assets on a canonical body: people by seed."""
+    """A folder of MakeHuman's assets and tailored garments on a canonical body: people by seed."""
 
-    def __init__(self, folder: Path, body: CanonicalBody) -> None:
+    def __init__(self, folder: Path, body: CanonicalBody, patterns: Mapping[str, Pattern] = PATTERNS) -> None:
         self.folder, self.body, self.hm08 = folder, body, load_hm08()
         if len(body.vertices) != len(self.hm08.hm08_of_body):
             raise InputError("wardrobe: it fits the body that comes with the package; give no other body")
         self.sizing = Sizing(body.source)
-        self.garments: dict[str, FittedGarment] = {g.name: g for g in load_folder(folder)}
+        self.loaded = {garment.name: garment for garment in load_folder(folder)}
+        self.garments: dict[str, FittedGarment | Pattern] = {**self.loaded, **patterns}
         self.skins = {path.stem: path for path in sorted(folder.glob("skins/*/*_diffuse*.*"))}
         self.irises = {
             path.stem.removesuffix("_eye"): path for path in sorted(folder.glob("eyes/materials/*_eye.png"))
@@ -202,16 +176,16 @@ class Wardrobe:
 
     def bounds(self, found: Attributes) -> Float32[np.ndarray, "2 3"]:
         """A box around a person, m."""
-        clouds = [self.body.vertices, *[self.garments[name].vertices for name in found.garments]]
+        clouds = [self.body.vertices, *[self.fitted(name).vertices for name in found.garments]]
         if found.hair is not None:
-            clouds.append(self.garments[found.hair].vertices)
+            clouds.append(self.loaded[found.hair].vertices)
         low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0) - MARGIN
         high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0) + MARGIN
         return np.stack([low, high]).astype(np.float32)
 
     def dress(self, found: Attributes) -> DressedField:
         """The field of a person."""
-        hair = self.garments.get(found.hair or "")
+        hair = self.loaded.get(found.hair or "")
         return DressedField(
             body=self.body,
             distance=self.body.distance,
@@ -220,18 +194,19 @@ class Wardrobe:
                 body=self.body,
                 skin=self.skin(found),
                 iris=read_texture(self.irises[found.eyes]),
-                brows=self.garments.get(found.brows),
-                lashes=self.garments.get(found.lashes),
+                lines=found.face,
+                hair_colour=found.hair_colour,
                 chest_covered=found.sex == "woman",
-                brow_colour=0.55 * np.array(found.hair_colour) + 0.02,
+                hair=paint_of(found),
             ),
             garments=tuple(
                 self.wear(name, colour, kind, found)
                 for name, colour, kind in zip(found.garments, found.colours, found.prints, strict=True)
             ),
             hair=WornHair(
-                strands=Strands(garment=hair, body=self.body.distance),
-                appearance=HairDye(dye=found.hair_colour),
+                volume=Strands(garment=hair, body=self.body.distance),
+                hairdo=hairdo_of(found),
+                body=self.body,
             )
             if hair
             else None,
@@ -251,7 +226,11 @@ class Wardrobe:
 
     def made(self, name: str) -> ArtistGarment:
         """A garment as its artist made it."""
-        return ArtistGarment(solid=Solid(garment=self.garments[name]), body=self.body)
+        return ArtistGarment(solid=Solid(garment=self.fitted(name)), body=self.body)
+
+    def fitted(self, name: str) -> FittedGarment:
+        """A garment of the folder, or one that is sewn when it is first asked for."""
+        return self.loaded[name] if name in self.loaded else sewn_garment(name)
 
     def wear(
         self, name: str, colour: tuple[float, float, float] | None, kind: str, found: Attributes

@@ -1,8 +1,9 @@
-"""What MakeHuman's own garments and hair are, in plain words; what is not known is called by its kind."""
+"""What MakeHuman's own garments and hair, and the tailored ones, are in plain words; what is not known is
+called by its kind."""
 
 import numpy as np
 
-from avatargen.wardrobe.colour_names import lab
+from avatargen.wardrobe.colour_names import colour_name, lab
 
 GARMENTS = {
     "female_casualsuit01-top": "t-shirt",
@@ -28,6 +29,22 @@ GARMENTS = {
     "male_elegantsuit01-bottom": "trousers",
     "male_worksuit01-overall": "overall",
     "male_worksuit01-top": "t-shirt",
+    "tailored-tshirt": "t-shirt",
+    "tailored-tank": "tank top",
+    "tailored-blouse": "blouse",
+    "tailored-sweater": "sweater",
+    "tailored-hoodie": "hoodie",
+    "tailored-polo": "polo shirt",
+    "tailored-leggings": "leggings",
+    "tailored-jeans": "jeans",
+    "tailored-shorts": "shorts",
+    "tailored-chinos": "shorts",
+    "tailored-skirt": "skirt",
+    "tailored-pleated": "skirt",
+    "tailored-dress": "dress",
+    "tailored-dotted": "dress",
+    "tailored-midi": "dress",
+    "tailored-coat": "coat",
     "shoes01-shoes": "leather",
     "shoes02-shoes": "boots",
     "shoes03-shoes": "leather",
@@ -46,6 +63,19 @@ HAIR = {
     "short03": "short",
     "short04": "short",
 }
+DYED = 15.0  # CIELAB chroma of hair from which it is no natural colour, unless it is reddish or yellowish
+IRISES = {  # of MakeHuman's that are not called by their colour
+    "brownlight": "brown",
+    "lightblue": "blue",
+    "deepblue": "blue",
+    "bluegreen": "green",
+    "ice": "grey",
+}
+
+
+def eye_word(iris: str) -> str:
+    """What a colour of eyes is called."""
+    return IRISES.get(iris, iris)
 
 
 def garment_word(name: str, kind: str) -> str:
@@ -61,6 +91,10 @@ def hair_word(name: str | None) -> str:
 def hair_color_word(rgb: tuple[float, float, float]) -> str:
     """What a colour of hair is called: by its lightness, chroma and hue in CIELAB."""
     lightness, a, b = lab(np.array(rgb)[None])[0]
+    if lightness > 78 and np.hypot(a, b) < 10:
+        return "white"
+    if np.hypot(a, b) > DYED and not (a > 0 and b > 0):
+        return colour_name(np.array(rgb))
     if lightness > 30 and np.hypot(a, b) < 10:
         return "grey"
     if lightness < 13:

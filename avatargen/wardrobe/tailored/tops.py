@@ -1,0 +1,101 @@
+"""Tops: cut from the form between neck, arms and hem."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from avatargen.wardrobe.tailored.curves import Places, Values, above, armscye, neckline, sleeve, smooth
+from avatargen.wardrobe.tailored.cutting import cut, parted
+from avatargen.wardrobe.tailored.draping import creases, draped, moved_out
+from avatargen.wardrobe.tailored.form import Sheet, to_front, whole_form
+from avatargen.wardrobe.tailored.painting import Texels, cloth, line, shaded, within
+
+ROUGH, FINE = 26, 3  # rounds of draping
+CLOSER = 0.4  # share of ease that edges have less
+OVER = 0.005  # m more below the waist, over what is worn there
+AROUND = 0.03  # m of the form beyond a pattern's curves that is draped with it
+
+Curve = Callable[[Places], Values]
+
+
+def sewn(curves: tuple[Curve, ...], ease: Curve, rough: int = ROUGH, fine: int = FINE) -> Sheet:
+    """The form between curves, draped at an ease."""
+    form = whole_form()
+    inside = np.min([curve(form.at) for curve in curves], axis=0)
+    sheet = form.kept((inside[form.faces] > -AROUND).all(axis=1)).finer()
+    sheet = draped(sheet, ease(sheet.at), rough)
+    for curve in curves:
+        sheet = cut(sheet, curve(sheet.at))
+    return draped(sheet, ease(sheet.at), fine, held=True)
+
+
+def panelled(sheet: Sheet) -> Sheet:
+    """A top's pattern pieces: front and back, and sleeves."""
+    sheet = parted(sheet, to_front(sheet.at))
+    return parted(sheet, armscye(sheet.at))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Top:
+    """How a top is cut and finished. Metres."""
+
+    neck: tuple[float, float, float, float]  # width, depth in front and behind, power
+    sleeve: float | None  # its end from the middle; without one, an arm hole
+    hem: float  # height
+    ease: float = 0.006
+    waist: float = 0.004  # more of it at the waist
+    cuff: float = 0.008  # more of it at a sleeve's end
+    rib: float = 0.016  # width of the band around the neck
+    creased: float = 0.0008  # depth of creases
+    base: tuple[float, float, float] = (0.8, 0.8, 0.8)
+
+    def neckline(self, at: Places) -> Values:
+        return neckline(at, *self.neck)
+
+    def ends(self, at: Places) -> Values:
+        """Inward of the sleeves' ends or of the arm holes."""
+        return hole(at) if self.sleeve is None else sleeve(at, self.sleeve)
+
+    def eased(self, at: Places) -> Values:
+        """How far it stays off the skin: less at the neck, and at arm holes."""
+        edge = self.neckline(at) if self.sleeve else np.minimum(self.neckline(at), hole(at))
+        close = 1 - CLOSER * smooth(1 - edge / 0.03)
+        waist = smooth(1 - np.abs(at[:, 1] - 0.17) / 0.16)
+        over = OVER * smooth((0.13 - at[:, 1]) / 0.08)
+        end = self.sleeve or np.inf
+        arm = smooth((np.abs(at[:, 0]) - 0.17) / max(end - 0.17, 0.02))
+        return self.ease * close + over + self.waist * waist * (1 - arm) + self.cuff * arm
+
+
+def hole(at: Places) -> Values:
+    """Inward of a sleeveless garment's arm hole."""
+    return armscye(at, top=0.112, under=0.166)
+
+
+def top_sheet(top: Top, *, ends_below: bool = True) -> Sheet:
+    """A top's cloth, with raised bands around its neck and at its ends; at the hem where it `ends_below`."""
+    sheet = sewn((top.neckline, lambda at: above(at, top.hem), top.ends), top.eased)
+    sheet = panelled(sheet)
+    crease = creases(sheet.at, (0.09, 0.05, 0.09), 3)
+    band = within(top.neckline(sheet.at), -1.0, top.rib, 0.003) + within(
+        top.ends(sheet.at), -1.0, 0.018, 0.003
+    )
+    hem = within(sheet.at[:, 1] - top.hem, -1.0, 0.02, 0.003) * ends_below
+    return moved_out(sheet, 0.0012 * np.maximum(band, hem) + top.creased * crease * (1 - band.clip(0, 1)))
+
+
+def top_paint(top: Top, found: Texels) -> Float64[np.ndarray, "N 3"]:
+    """Its cloth, seams, the rib of its neck, and hems with their stitching."""
+    at = found.at
+    color = cloth(found, top.base)
+    neck, ends, hem = top.neckline(at), top.ends(at), at[:, 1] - top.hem
+    color = shaded(color, within(neck, -1.0, top.rib), 0.93)
+    for value, place in ((neck, top.rib), (ends, 0.02), (hem, 0.022)):
+        color = shaded(color, line(value - place, 0.003), 0.86)
+    for value in (neck, ends):
+        color = shaded(color, within(value, -1.0, 0.003), 0.9)
+    side = line(to_front(at), 0.0028) * (np.abs(at[:, 0]) > 0.09) * (hem > 0)
+    color = shaded(color, side, 0.9)
+    return shaded(color, line(armscye(at), 0.003) * (at[:, 1] > 0.385), 0.86)
