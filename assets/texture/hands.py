@@ -14,7 +14,7 @@ from assets.texture.relax import relax
 from assets.texture.seams import cut_open
 
 SPREAD = (8, 16, 24)  # degrees between neighbouring fingers more than they have
-TURNS = (0, 8, -8, 16, -16, 25, -25, 40, -40, 60, -60)  # degrees about a hinge
+TURNS = (0.0, 8.0, -8.0, 16.0, -16.0, 25.0, -25.0, 40.0, -40.0, 60.0, -60.0)  # degrees about a hinge
 MOST_OVER = 8  # pairs of faces of two joined sides that may lie over each other, and become charts
 
 

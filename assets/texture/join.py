@@ -83,8 +83,8 @@ def join_charts(sewing, order):
                 )
             length = len(path) if attempt % WAYS == 0 else 1
             attempt += 1
-            begin = (len(path) - length) // 2
-            found = sew_on(sewing, mine, others, path[begin : begin + length], alias, number)
+            middle = path[(len(path) - length) // 2 :][:length]
+            found = sew_on(sewing, mine, others, middle, alias, number)
         if found:
             for face in mine:
                 chart[face] = target
