@@ -112,6 +112,9 @@ def make_report(draft: Draft, planned: tuple[LeftOut, ...], seconds: dict[str, f
     if draft.atlas is not None and draft.atlas.plain:
         why = f"faces are packed one by one, because {draft.atlas.plain}"
         left_out.append(LeftOut(what="charts", why=why))
+    if draft.atlas is not None and draft.atlas.unguided:
+        why = f"xatlas has cut charts of its own, because {draft.atlas.unguided}"
+        left_out.append(LeftOut(what="seams of clothes in the texture", why=why))
     return Report(
         seconds=tuple(seconds.items()),
         error=draft.error,

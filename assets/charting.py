@@ -1,12 +1,16 @@
-"""Charts of a texture, cut in a process of their own while other stages run."""
+"""Charts of a texture, cut beside other stages, in a thread of their own."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 
 from assets.build_config import BuildConfig
+from assets.errors import GeometryError
 from assets.mesh.surface import Surface
 from assets.skin.attach import attach
 from assets.skin.skin import SkinConfig, parts_of_faces, skin_attached
-from assets.texture.atlas import Atlas, AtlasConfig, ChartProgram, unwrap
+from assets.texture.atlas import Atlas, AtlasConfig, unwrap
+from assets.texture.guided import guided_atlas
+from assets.texture.pattern import find_pattern
 from avatargen.body.fingers import hand_of_joint
 from avatargen.body.model import CanonicalBody
 
@@ -14,23 +18,21 @@ DETAILED_JOINT = "head"  # whose part of the texture is finer: people look at fa
 
 
 class Charting:
-    """One atlas on its way. xatlas starts with it, which takes a tenth of a second; leaving the context ends
-    it."""
+    """One atlas on its way; leaving the context waits for it."""
 
     def __init__(self) -> None:
-        self.program, self.beside = ChartProgram(), ThreadPoolExecutor(1)
+        self.beside = ThreadPoolExecutor(1)
         self.atlas: Future[Atlas] | None = None
 
     def __enter__(self) -> "Charting":
         return self
 
     def __exit__(self, *error: object) -> None:
-        with self.program:
-            self.beside.shutdown()
+        self.beside.shutdown(cancel_futures=True)
 
     def begin(self, surface: Surface, body: CanonicalBody, config: BuildConfig) -> None:
         """Cut this surface, whose vertices may still move a little, from now on."""
-        self.atlas = self.beside.submit(cut_charts, surface, body, config, self.program)
+        self.atlas = self.beside.submit(cut_charts, surface, body, config)
 
     def result(self) -> Atlas:
         """The atlas, when it is done. Raises what cutting it raised."""
@@ -38,11 +40,29 @@ class Charting:
         return self.atlas.result()
 
 
-def cut_charts(surface: Surface, body: CanonicalBody, config: BuildConfig, program: ChartProgram) -> Atlas:
-    """Charts of a surface, cut where other joints move it."""
+def cut_charts(surface: Surface, body: CanonicalBody, config: BuildConfig) -> Atlas:
+    """Charts along the seams of clothes, or xatlas's own where that cannot be."""
+    try:
+        return cut_along_seams(surface, body, config)
+    except GeometryError as error:
+        return replace(cut_at_joints(surface, body, config), unguided=str(error))
+
+
+def cut_along_seams(surface: Surface, body: CanonicalBody, config: BuildConfig) -> Atlas:
+    """Charts from a sewing pattern.
+
+    Raises:
+        GeometryError: the body lacks joints that the pattern takes, or a panel does not lie flat.
+    """
+    pattern = find_pattern(surface, body)
+    return guided_atlas(surface, pattern, AtlasConfig(texture_size=config.texture), config.head_detail)
+
+
+def cut_at_joints(surface: Surface, body: CanonicalBody, config: BuildConfig) -> Atlas:
+    """xatlas's charts, cut where other joints move the surface."""
     skin = skin_attached(attach(surface, body), body, SkinConfig())
     parts = parts_of_faces(surface, skin, hand_of_joint(body.joint_names))
-    return unwrap(surface, parts, atlas_config(body, config), program)
+    return unwrap(surface, parts, atlas_config(body, config))
 
 
 def atlas_config(body: CanonicalBody, config: BuildConfig) -> AtlasConfig:

@@ -172,3 +172,13 @@ def test_the_scenes_are_measured(tmp_path) -> None:
     assert row["left_out"][:3] == ["normal map", "ambient occlusion", "fingers' joints"]
     assert abs(row["faces"] - 2000) <= 40
     assert "| crowd | one of hundreds" in (tmp_path / "scenes.md").read_text()
+
+
+def test_charts_are_measured_both_ways(tmp_path) -> None:
+    assert bench.main(["--out", str(tmp_path), "--quick", "--charts", "--seeds", "4"]) == 0
+    ours, alone = json.loads((tmp_path / "charts.json").read_text())
+    assert (ours["way"], alone["way"]) == ("seams of clothes", "xatlas alone")
+    assert ours["unguided"] == ""
+    assert ours["islands"] < alone["islands"] / 3
+    assert ours["used"] > 1.2 * alone["used"]
+    assert (tmp_path / "charts.md").read_text().count("| 4 |") == 2

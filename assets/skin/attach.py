@@ -59,6 +59,10 @@ class Attachment:
         """Values at the closest body points where those are trusted, filled in smoothly elsewhere."""
         return fill(self.graph, self.closest(values), self.trusted)
 
+    def averaged(self, values: Float64[np.ndarray, "V C"]) -> Float64[np.ndarray, "V C"]:
+        """The mean of each vertex's neighbours, the nearer the heavier."""
+        return (self.graph @ values) / np.maximum(self.graph.sum(axis=1), 1e-12)[:, None]
+
 
 def attach(surface: Surface, body: CanonicalBody, config: AttachConfig | None = None) -> Attachment:
     """Find each vertex's closest point on the canonical body and whether to trust it."""

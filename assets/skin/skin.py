@@ -17,6 +17,7 @@ from avatargen.body.model import CanonicalBody
 
 INFLUENCES = 4
 NEGLIGIBLE = 1e-3  # a weight under this is dropped
+MERGINGS = 24  # rounds of joining small parts: two may take each other's place for ever
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,18 +122,29 @@ def parts_of_faces(
     if part_of_joint is not None:
         weights = weights @ np.eye(joint_count)[part_of_joint]
     part = weights[surface.faces].sum(axis=1).argmax(axis=1)
-    twin = opposite_edges(surface.faces, len(surface.vertices))
+    return merge_small(part, opposite_edges(surface.faces, len(surface.vertices)), smallest)
+
+
+def merge_small(
+    part: Int64[np.ndarray, " F"], twin: Int64[np.ndarray, " E"], smallest: int
+) -> Int64[np.ndarray, " F"]:
+    """Parts, where regions of fewer than `smallest` faces join the neighbour they share most edges with."""
     edge = np.flatnonzero(twin >= 0)
     here, there = edge // 3, twin[edge] // 3
-    for _ in range(joint_count):
+    count = int(part.max()) + 1
+    for _ in range(MERGINGS):
         region = connected_regions(part, here, there)
         small = np.bincount(region)[region] < smallest
         border = small[here] & (part[here] != part[there])
         if not border.any():
             break
-        votes = np.zeros((region.max() + 1, joint_count), dtype=np.int64)
-        np.add.at(votes, (region[here[border]], part[there[border]]), 1)
-        part = np.where(small & (votes.sum(axis=1) > 0)[region], votes.argmax(axis=1)[region], part)
+        pair, votes = np.unique(region[here[border]] * count + part[there[border]], return_counts=True)
+        order = np.lexsort((-pair, votes, pair // count))  # of equal ones the lowest part last
+        of_region = pair[order] // count
+        last = np.append(of_region[1:] != of_region[:-1], True)
+        chosen = np.full(region.max() + 1, -1)
+        chosen[of_region[last]] = pair[order][last] % count
+        part = np.where(small & (chosen >= 0)[region], chosen[region], part)
     return part.astype(np.int64)
 
 

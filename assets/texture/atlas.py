@@ -1,5 +1,5 @@
-"""Texture coordinates: each skinning part is cut into charts by xatlas, and all charts are packed into one
-square.
+"""Texture coordinates of any surface: each of its parts is cut into charts by xatlas, and all charts are
+packed into one square. People have charts along the seams of clothes first (`assets.texture.guided`).
 
 xatlas runs in a process of its own under a time limit. Where it fails, runs out of time or leaves a face
 out, the faces are packed one by one instead: a plain atlas with a seam at every edge, but never a wrong one.
@@ -25,7 +25,7 @@ from avatargen.errors import InputError
 NO_AREA = 1e-9  # square metres of a face that may lie flat in the texture
 ROUNDS = 8  # of adding faces beside those already there: a chain of so many tiny faces is found
 FINEST_PACKING = 768  # cells along the side of the grid that charts are packed on: time goes with its square
-SIDE_TO_PADDING = 109  # cells of that grid's side for each cell between charts: 7 of 768
+SIDE_TO_PADDING = 128  # cells of that grid's side for each cell between charts: 8 of 1,024 texels
 MARGIN = 1.5  # texels between a face packed alone and its cell's border
 
 
@@ -63,6 +63,7 @@ class Atlas:
     uv: Float32[np.ndarray, "W 2"]
     faces: Int64[np.ndarray, "F 3"]
     plain: str = ""  # why faces were packed one by one; empty for charts
+    unguided: str = ""  # why charts do not follow the seams of clothes; empty where they do, or need not
 
     def __post_init__(self) -> None:
         if len(self.vertex_map) != len(self.uv) or len(self.faces) == 0 or self.faces.max() >= len(self.uv):

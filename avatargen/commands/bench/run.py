@@ -72,6 +72,8 @@ class Options:
     """What is swept, where the run is not quick."""
     scenes: bool = False
     """Build avatar-export's scenes instead, on the first seed; write scenes.md and scenes.json."""
+    charts: bool = False
+    """Cut charts alone, along the seams of clothes and by xatlas; write charts.md and charts.json."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +110,9 @@ def run(options: Options) -> None:
     require_ranges(options, "bench", {"seeds": (0, LARGEST_SEED)})
     if options.scenes:
         run_scenes(options)
+        return
+    if options.charts:
+        run_charts(options)
         return
     require_extra("matplotlib")
     options.out.mkdir(parents=True, exist_ok=True)
@@ -150,6 +155,32 @@ def run_scenes(options: Options) -> None:
     page = scene_page(rows).encode()
     write_together([(options.out / "scenes.json", data), (options.out / "scenes.md", page)])
     print(options.out / "scenes.md")
+
+
+def run_charts(options: Options) -> None:
+    """Cut charts of every seed; a quick run takes small meshes."""
+    import torch
+    from threadpoolctl import threadpool_limits
+
+    import avatargen
+    from assets.build_config import BuildConfig
+    from avatargen.atomic import write_together
+    from avatargen.commands.bench.charts import chart_page, measure_charts
+
+    torch.set_num_threads(1)  # so that processor seconds are those of the clock on an idle machine
+    threadpool_limits(1, user_api="blas")
+    options.out.mkdir(parents=True, exist_ok=True)
+    generator, rows = avatargen.load_generator(options.weights), []
+    resolution, faces, texture = (QUICK if options.quick else options.grid).ours
+    for seed in options.seeds:
+        config = BuildConfig(resolution=resolution, faces=faces, texture=texture)
+        rows.extend(measure_charts(generator.sample(seed), config))
+        print(f"seed {seed}: {rows[-2].islands} islands, {100 * rows[-2].used:.0f} % used", flush=True)
+    data = json.dumps([asdict(row) for row in rows], indent=1).encode() + b"\n"
+    write_together(
+        [(options.out / "charts.json", data), (options.out / "charts.md", chart_page(rows).encode())]
+    )
+    print(options.out / "charts.md")
 
 
 def measure(generator: "Sampler", seeds: Sequence[int], grid: Grid) -> Results:
