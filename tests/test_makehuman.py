@@ -23,6 +23,7 @@ from avatargen.body.skinning import unskin
 from avatargen.errors import InputError
 from avatargen.wardrobe.appearance import Dye, dyed, rgb_of
 from avatargen.wardrobe.attributes import LATENT_SIZE
+from avatargen.wardrobe.cloth_grain import grain_of
 from avatargen.wardrobe.dressed import under_hat
 from avatargen.wardrobe.lips import LIPS_Y, between_lips
 from avatargen.wardrobe.makehuman.choose import FULL_SIZE, draw_latent
@@ -37,7 +38,7 @@ from avatargen.wardrobe.makehuman.fit import (
 )
 from avatargen.wardrobe.makehuman.hm08 import load_hm08
 from avatargen.wardrobe.makehuman.load import FittedGarment, load_asset, load_folder
-from avatargen.wardrobe.makehuman.pattern import pattern_places, trim_texels, used_texels
+from avatargen.wardrobe.makehuman.pattern import trim_texels, used_texels
 from avatargen.wardrobe.makehuman.person import ArtistGarment, unit_normals
 from avatargen.wardrobe.makehuman.read import Binding, read_binding, read_mesh
 from avatargen.wardrobe.makehuman.solid import Solid, boundary_loops
@@ -185,21 +186,12 @@ def test_the_way_to_an_edge_grows_from_the_rings_at_the_ends(shirt):
     assert (np.diff(rims[: RINGS // 2], axis=0) > 0).all()
 
 
-def test_pattern_places_are_metres(shirt):
-    places = pattern_places(shirt)
-    corners = shirt.vertices[shirt.faces]
-    true = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    laid = np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2)
-    assert 0.5 < np.median(laid / true) < 2
-
-
 def test_the_truth_of_cloth_is_asked_of_its_solid(shirt, body):
     truth = ClothTruth(made=ArtistGarment(solid=Solid(garment=shirt), body=body))
-    points, places = truth.surface(3000, np.random.default_rng(0))
-    again, _ = truth.surface(3000, np.random.default_rng(0))
+    points = truth.surface(3000, np.random.default_rng(0))
+    again = truth.surface(3000, np.random.default_rng(0))
     distance, rim = truth.ask(points.astype(np.float32))
     assert (points == again).all() and np.abs(distance).max() < 1e-6 and (rim >= 0).all()
-    assert np.ptp(places, axis=0).min() > 0.2
     low, high = truth.box
     assert (points >= low - 1e-9).all() and (points <= high + 1e-9).all()
     seen, color = truth.seen(3000, np.random.default_rng(1))
@@ -258,16 +250,21 @@ def test_dyeing_moves_the_middle_and_keeps_what_differs():
     assert np.abs(back - lab).max() < 0.05  # CIELAB and back
 
 
-def test_prints_lie_on_the_cloth_by_its_metres_and_leave_trim():
-    white = np.ones((600, 4), np.float32) * 0.9
-    white[:, 3] = 0
-    sewn = np.zeros((600, 2))
-    sewn[:, 0] = np.linspace(0, 0.3, 600)
-    dye = Dye(middle=(90.0, 0.0, 0.0), dye=(0.1, 0.1, 0.4), kind="across", ink=(0.8, 0.1, 0.1), width=0.01)
-    plain = Dye(middle=(90.0, 0.0, 0.0), dye=(0.1, 0.1, 0.4), kind="plain", ink=(0.8, 0.1, 0.1), width=0.01)
-    red = dye.color(white, sewn)[:, 1] < 0.5
-    assert np.allclose(plain.color(white, sewn), 0.9)  # no dye takes there
-    assert abs(red.mean() - 1 / 3) < 0.02 and np.count_nonzero(np.diff(red.astype(int)) == 1) == 10
+def test_prints_lie_on_the_cloth_by_its_metres_and_leave_trim(body):
+    light = np.full((600, 4), 0.9, np.float32)
+    light[300:, 3] = 0
+    front = np.zeros((600, 3))
+    front[:, 1] = np.tile(np.linspace(0.1, 0.4, 300), 2)
+    front[:, 2] = 0.15
+    dye = Dye(
+        middle=(90.0, 0.0, 0.0), dye=(0.1, 0.1, 0.4), kind="across", ink=(0.8, 0.1, 0.1), width=0.01,
+        grain=grain_of(body),
+    )  # fmt: skip
+    red = dye.color(light, front)[:, 0] > 0.5
+    assert (
+        abs(red[:300].mean() - 1 / 3) < 0.02 and np.count_nonzero(np.diff(red[:300].astype(int)) == 1) == 10
+    )
+    assert np.allclose(dye.color(light, front)[300:], 0.9)  # neither dye nor print takes there
 
 
 def test_pieces_of_another_colour_are_trim_and_keep_it():

@@ -365,6 +365,33 @@ def test_who_cannot_be_built_leaves_the_controls_at_who_is_shown(
     assert said == "**no surface here**" and kept.startswith("Seed 3: ")
 
 
+def test_a_line_of_text_is_the_person_shown(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The words reach the reader as they were typed; what it made of them is said under the person."""
+
+    def drawn(sampler: Any, seed: int, text: str) -> Any:
+        avatar = sampler.sample(seed)
+        said = (("text", text), ("understood", "age old"), ("left_out", "wings: nobody has any"))
+        return replace(avatar, info=replace(avatar.info, said=said))
+
+    monkeypatch.setattr("avatargen.text.person.drawn", drawn)
+    page.words.value = " an old man with wings "
+    page.step()
+    assert page.asset is not None and dict(page.asset.info.facts)["text"] == "an old man with wings"
+    person, understood, left_out = page.status.content.split("\n\n")
+    assert person.startswith("Seed 3: ") and understood == "`understood: age old`"
+    assert left_out == "`left out: wings: nobody has any`"
+
+
+def test_words_that_name_nobody_are_refused_and_all_stays(page: Page) -> None:
+    asset = page.asset
+    for words in ("qwxyz", "?!"):
+        page.words.value = words
+        page.step()
+        assert page.asset is asset and page.words.value == ""
+        said = page.status.content.split("\n\n")[0]
+        assert said.startswith("**") and ("nothing of" in said or "no words" in said)
+
+
 def seen_from(
     position: np.ndarray, target: np.ndarray, points: np.ndarray, fov: float, aspect: float
 ) -> np.ndarray:

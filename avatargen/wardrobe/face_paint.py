@@ -22,7 +22,7 @@ LASH_COLOUR = np.array([0.05, 0.035, 0.03])
 IRIS_EDGE = 0.37  # of the eyeball's radius
 BROW_SHADE = 0.55  # of the hair's colour
 RIM = 0.3  # of `on_eye`, from which an eye shows
-FADED = 0.35  # of the hue of blue and green irises
+FADED, DEEPER = 0.5, 0.35  # of the hue of blue and green irises, and of their light: they glow otherwise
 CATCH, CATCH_SIZE = (-0.11, 0.13), 0.06  # of the light on an eye
 
 
@@ -123,6 +123,8 @@ def lit_eye(
     out = np.linalg.norm(off, axis=1)
     ring = smooth(out, 0.24, IRIS_EDGE - 0.02) * (1 - smooth(out, IRIS_EDGE, IRIS_EDGE + 0.05))
     shadow = smooth(off[:, 1], 0.08, 0.42)
-    lit = (colour + FADED * cool * (grey - colour)) * ((1 - 0.4 * ring) * (1 - 0.4 * shadow))[:, None]
+    iris = (1 - smooth(out, IRIS_EDGE - 0.03, IRIS_EDGE + 0.03))[:, None] * cool
+    lit = (colour + FADED * cool * (grey - colour)) * (1 - DEEPER * iris)
+    lit *= ((1 - 0.4 * ring) * (1 - 0.4 * shadow))[:, None]
     catch = 0.85 * (1 - smooth(np.linalg.norm(off - CATCH, axis=1), 0.5 * CATCH_SIZE, CATCH_SIZE))
     return lit + (1 - lit) * catch[:, None]

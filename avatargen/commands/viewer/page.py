@@ -37,6 +37,7 @@ GROUPS = {
     "right hand": tuple(name for name in FINGER_LIMBS if name.startswith("right")),
 }
 STILL = "none"  # the clip that is not played
+WORDS_HINT = "as: an old man in a grey suit; Enter shows who fits, another person another one"
 
 
 class Superseded(Exception):
@@ -71,6 +72,7 @@ class Page:
         gui = self.tab.gui
         with gui.add_folder("Person") as folder:
             self.typed = gui.add_text("seed", str(self.seed), hint="a whole number; Enter shows the person")
+            self.words = gui.add_text("in words", "", hint=WORDS_HINT)
             another = gui.add_button("another person", icon=viser.Icon.DICE)
             self.truncation = gui.add_slider(
                 "variety", min=0.0, max=1.0, step=0.05, initial_value=1.0, hint="0: the mean person"
@@ -86,7 +88,7 @@ class Page:
         another.on_click(lambda event: setattr(self.typed, "value", str(rng.integers(1_000_000))))
         self.typed.on_update(self.take_seed)
         self.person_folder = folder
-        self.draw_on_change(self.truncation, self.faces, self.in_parts)
+        self.draw_on_change(self.words, self.truncation, self.faces, self.in_parts)
 
     def add_pose_controls(self) -> None:
         gui = self.tab.gui
@@ -172,6 +174,7 @@ class Page:
         """Whom the controls ask for."""
         return Wish(
             seed=self.seed,
+            text=self.words.value.strip(),
             truncation=float(self.truncation.value),
             faces=int(self.faces.value),
             parts=bool(self.in_parts.value),
@@ -213,7 +216,7 @@ class Page:
             raise
         if self.closed or self.wanted() != wish:
             raise Superseded
-        if self.wish is None or self.wish.seed != wish.seed:
+        if self.wish is None or (self.wish.seed, self.wish.text) != (wish.seed, wish.text):
             self.box = None
         self.wish = wish
         angles = {name: float(control.value) for name, control in self.angles.items()}
@@ -254,7 +257,7 @@ class Page:
 
     def put_back(self, wish: Wish) -> None:
         """Let the controls ask for somebody again."""
-        self.seed, self.typed.value = wish.seed, str(wish.seed)
+        self.seed, self.typed.value, self.words.value = wish.seed, str(wish.seed), wish.text
         self.truncation.value, self.in_parts.value = wish.truncation, wish.parts
         self.faces.value = next(faces for faces in FACES if int(faces) == wish.faces)
 
@@ -320,12 +323,23 @@ class Page:
 
 def quoted(typed: str) -> str:
     """What was typed, as text that Markdown takes as it is."""
-    plain = typed[:20].replace("`", "'")
-    return f"`{plain}`" if plain else "nothing"
+    return plain(typed[:20]) if typed else "nothing"
+
+
+def plain(words: str) -> str:
+    """Words that Markdown takes as they are."""
+    return "`" + words.replace("`", "'") + "`"
 
 
 def describe(person: Person) -> str:
-    """What there is to say about a person, in one line."""
+    """What there is to say about a person: one line, and one for each thing that was read out of a text."""
+    told = dict(person.asset.info.facts)
+    lines = [f"{name.replace('_', ' ')}: {told[name]}" for name in ("understood", "left_out") if name in told]
+    return "\n\n".join([measures(person), *map(plain, lines)])
+
+
+def measures(person: Person) -> str:
+    """The person in numbers."""
     asset, report = person.asset, person.asset.report
     assert report is not None  # every built asset has one
     return (

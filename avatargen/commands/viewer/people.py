@@ -11,8 +11,9 @@ from assets import Asset, BuildConfig, build, with_levels
 from assets.asset.levels import at_level, level_error
 from assets.build_config import AvatarFields
 from assets.picture.paint import vertex_errors
-from avatargen.avatar import Sampler
+from avatargen.avatar import Avatar, Sampler
 from avatargen.errors import InputError
+from avatargen.export.rules import check_text
 
 KEPT = 4  # people: each takes some 100 MB with its planes
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
@@ -20,9 +21,10 @@ Progress = Callable[[str, float], None]  # name of the stage that begins, share 
 
 @dataclass(frozen=True)
 class Wish:
-    """Which person, in how many triangles, and whether in parts."""
+    """Which person, as a text says where there is one, in how many triangles, and whether in parts."""
 
     seed: int
+    text: str = ""
     truncation: float = 1.0
     faces: int = 20_000
     parts: bool = False  # body, garments and hair as meshes of their own
@@ -80,15 +82,25 @@ class People:
         """The person wished for.
 
         Raises:
-            AvatarGenError: the field gives no whole surface, or the wish is out of range.
+            AvatarGenError: the field gives no whole surface, the wish is out of range, or its text says
+                nothing that can be made.
         """
         if wish not in self.kept:
-            avatar = self.sampler.sample(wish.seed, wish.truncation)
+            avatar = self.drawn(wish)
             self.kept[wish] = Person(avatar=avatar, asset=self.built(avatar, wish, progress))
             while len(self.kept) > KEPT:
                 self.kept.popitem(last=False)
         self.kept.move_to_end(wish)
         return self.kept[wish]
+
+    def drawn(self, wish: Wish) -> Avatar:
+        """The person as fields; whom a text describes keeps the whole variety."""
+        if not wish.text:
+            return self.sampler.sample(wish.seed, wish.truncation)
+        from avatargen.text.person import drawn  # most people are of a seed alone
+
+        check_text(wish.text, change=False)
+        return drawn(self.sampler, wish.seed, wish.text)
 
     def built(self, avatar: AvatarFields, wish: Wish, progress: Progress) -> Asset:
         """The person's asset; in parts the whole body is kept, to be seen when clothes come off.

@@ -23,6 +23,7 @@ from avatargen.wardrobe.makehuman.pieces import kind_of, pieces_of
 from avatargen.wardrobe.makehuman.read import Binding, Mesh, read_binding, read_material, read_mesh
 
 FOLDERS = {"clothes": "", "hair": "hair"}
+TORN = ("male_casualsuit03-top", "female_elegantsuit01-bottom")  # hems like saws: tailored ones are worn
 MAX_PIXELS = 8192**2
 LEAST_SHARE = 0.18  # of the faces of the largest piece of its kind, to be a garment by itself
 
@@ -169,4 +170,5 @@ def load_folder(folder: Path) -> tuple[FittedGarment, ...]:
             f"wardrobe: {folder} holds no clothes/NAME/NAME.mhclo; give a folder of MakeHuman's assets"
         )
     hm08 = load_hm08()
-    return tuple(garment for path in paths for garment in load_asset(path, hm08))
+    found = (garment for path in paths for garment in load_asset(path, hm08))
+    return tuple(garment for garment in found if garment.name not in TORN)

@@ -151,6 +151,15 @@ PATTERNS = {
             cuts.POLO_COLLAR,
             lambda color, found: placket(color, found.at, 0.35, 3, 0.465),
         ),
+        top(
+            "tailored-shirt",
+            (*MEN, "Casual"),
+            cuts.SHIRT,
+            cuts.SHIRT_COLLAR,
+            lambda color, found: placket(color, found.at, -0.5, 7, 0.44),
+        ),
+        top("tailored-crew", (*MEN, "Casual"), cuts.CREW),
+        top("tailored-pullover", MEN, cuts.PULLOVER, None, knitted(cuts.PULLOVER)),
         bottom("tailored-leggings", WOMEN, cuts.LEGGINGS),
         bottom("tailored-jeans", WOMEN, cuts.JEANS),
         bottom("tailored-shorts", WOMEN, cuts.SHORTS),
@@ -161,6 +170,7 @@ PATTERNS = {
         dress_of("tailored-dotted", cuts.DOTTED, dotted),
         dress_of("tailored-midi", cuts.MIDI),
         coat_of("tailored-coat", WOMEN, cuts.COAT),
+        coat_of("tailored-jacket", MEN, cuts.JACKET),
     )
 }
 

@@ -50,6 +50,37 @@ POLO = Top(
     creased=0.0014,
     base=(0.2, 0.28, 0.42),
 )
+SHIRT = Top(
+    neck=(0.075, 0.11, 0.035, 1.5),
+    sleeve=0.685,
+    hem=-0.04,
+    ease=0.011,
+    waist=0.01,
+    cuff=0.004,
+    creased=0.0018,
+    base=(0.8, 0.82, 0.86),
+)
+CREW = Top(
+    neck=(0.078, 0.075, 0.035, 2.0),
+    sleeve=0.31,
+    hem=-0.01,
+    ease=0.009,
+    waist=0.008,
+    cuff=0.012,
+    creased=0.0014,
+    base=(0.84, 0.84, 0.84),
+)
+PULLOVER = Top(
+    neck=(0.075, 0.07, 0.035, 2.0),
+    sleeve=0.69,
+    hem=-0.02,
+    ease=0.013,
+    waist=0.01,
+    cuff=0.002,
+    rib=0.022,
+    creased=0.002,
+    base=(0.36, 0.4, 0.46),
+)
 DRESS = Dress(
     top=Top(neck=(0.09, 0.12, 0.05, 2.0), sleeve=0.27, hem=0.2, base=(0.27, 0.4, 0.55)),
     fall=Fall(top=0.2, hem=-0.46, ease=0.008, flare=0.2, flares=0.1, folds=11, deep=0.012),
@@ -80,9 +111,28 @@ COAT = Coat(
     open=0.042,
     lapel=0.075,
 )
+JACKET = Coat(
+    dress=Dress(
+        top=Top(
+            neck=(0.08, 0.14, 0.04, 1.8),
+            sleeve=0.7,
+            hem=0.16,
+            ease=0.02,
+            waist=0.006,
+            cuff=0.006,
+            creased=0.002,
+            base=(0.25, 0.26, 0.3),
+        ),
+        fall=Fall(top=0.16, hem=-0.11, ease=0.026, flare=0.04, flares=0.03, folds=7, deep=0.003),
+    ),
+    collar=Collar(stand=0.022, fall=0.055, gap=0.03, points=0.02, thick=0.009, off=0.01),
+    open=0.045,
+    lapel=0.08,
+)
 
 
 BLOUSE_COLLAR = Collar(stand=0.018, fall=0.035, gap=0.02, points=0.015)
+SHIRT_COLLAR = Collar(stand=0.022, fall=0.04, gap=0.018, points=0.022)
 POLO_COLLAR = Collar(stand=0.022, fall=0.038, gap=0.016, points=0.015)
 HOOD = Collar(stand=0.02, fall=0.06, thick=0.022, off=0.02, points=-0.02)  # thrown back
 LEGGINGS = Bottom(waist=0.15, dip=0.01, hem=-0.86, ease=0.003, base=(0.17, 0.17, 0.19))
