@@ -46,7 +46,7 @@ GARMENTS = {
     "tailored-dotted": "dress",
     "tailored-midi": "dress",
     "tailored-coat": "coat",
-    "tailored-jacket": "jacket",
+    "tailored-peacoat": "coat",
     "shoes01-shoes": "leather",
     "shoes02-shoes": "boots",
     "shoes03-shoes": "leather",

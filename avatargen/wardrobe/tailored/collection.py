@@ -170,7 +170,7 @@ PATTERNS = {
         dress_of("tailored-dotted", cuts.DOTTED, dotted),
         dress_of("tailored-midi", cuts.MIDI),
         coat_of("tailored-coat", WOMEN, cuts.COAT),
-        coat_of("tailored-jacket", MEN, cuts.JACKET),
+        coat_of("tailored-peacoat", MEN, cuts.PEACOAT),
     )
 }
 

@@ -111,7 +111,7 @@ COAT = Coat(
     open=0.042,
     lapel=0.075,
 )
-JACKET = Coat(
+PEACOAT = Coat(
     dress=Dress(
         top=Top(
             neck=(0.08, 0.14, 0.04, 1.8),
