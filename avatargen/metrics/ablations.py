@@ -12,6 +12,7 @@ from avatargen.metrics.evaluate import EvalConfig, Report, evaluate
 from avatargen.metrics.features import random_features
 from avatargen.training.adversarial import train
 from avatargen.training.adversarial_config import AdversarialConfig
+from avatargen.training.avatar_model import AvatarModel, avatar_model
 
 if TYPE_CHECKING:
     from accelerate import Accelerator
@@ -62,9 +63,13 @@ def run_ablations(
     for name, config in choices(base).items():
         report(name)
         folder = out / name.replace(" ", "_").replace("=", "")
-        average = train(config, data, body, folder, accelerator, lambda line: None)
+        average = train(
+            config, avatar_model(config, body), data, body, folder, accelerator, lambda line: None
+        )
+        assert isinstance(average, AvatarModel)
         features = ("frechet distance", random_features)
-        measured = evaluate(average, surface, held_out, data, features, EvalConfig(pictures=40, samples=None))
+        few = EvalConfig(pictures=40, samples=None)
+        measured = evaluate(average.networks, surface, held_out, data, features, few)
         rows.append(Row(name=name, report=measured))
     return rows
 
