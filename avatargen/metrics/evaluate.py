@@ -21,12 +21,14 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from avatargen.body.model import Body
+from avatargen.body.model import Body, shape
+from avatargen.body.model import pose as pose_body
 from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.data.mirror import partners
 from avatargen.errors import InputError
 from avatargen.extras import require_extra
 from avatargen.generator.camera import camera_of_vector
+from avatargen.generator.canonical import canonical_map
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface, Picture, make_people, picture_people
 from avatargen.metrics.clothes import (
@@ -256,11 +258,15 @@ def generate(
         w = generator.mapping(z, camera)
         same = w[:1].expand(2, -1)  # one person under both labels, then another under the second
         people = make_people(generator, surface, same, generator.planes(same), pose, betas)
-        pair = picture_people(generator, surface, people, camera_of_vector(camera), [None] * 2)
-        maps = (people[0].map, people[1].map)
-        warps.append(warp_error(pair.raw.clamp(0, 1), pair.depth, pair.mask, camera_of_vector(camera), maps))
+        pair = picture_people(generator, people, camera_of_vector(camera), None)
+        maps = [
+            canonical_map(pose_body(surface.body, shape(surface.body, betas[i].cpu().numpy()), turns))
+            for i, turns in enumerate(pose.cpu().numpy())
+        ]
+        seen = (pair.raw.clamp(0, 1), pair.depth, pair.mask, camera_of_vector(camera))
+        warps.append(warp_error(*seen, (maps[0], maps[1])))
         other = make_people(generator, surface, w[1:], generator.planes(w[1:]), pose[1:], betas[1:])
-        alone = picture_people(generator, surface, other, camera_of_vector(camera[1:]), [None])
+        alone = picture_people(generator, other, camera_of_vector(camera[1:]), None)
         parts += [Picture(**{name: value[:1] for name, value in vars(pair).items()}), alone]
     whole = {name: torch.cat([getattr(part, name) for part in parts]) for name in vars(parts[0])}
     return Picture(**whole), warps
