@@ -80,6 +80,8 @@ def record(out: Path, person: int) -> Path:
 def make_all(out: Path, missing: list[int], config: SynthConfig, workers: int) -> Iterator[None]:
     """Make people in processes of their own, in any order; yields as each is done."""
     workers = min(workers, len(missing))
+    if not missing:
+        return
     if workers <= 1:
         maker = PersonMaker(config)
         for person in missing:

@@ -103,7 +103,7 @@ def holds_depth(data: Pictures) -> bool:
     Raises:
         InputError: it does, and there is nothing to follow rays with.
     """
-    if not data.path("depth", 0).exists():
+    if not data.holds("depth"):
         return False
     require_extra("embreex")
     return True
@@ -157,7 +157,7 @@ def evaluate(
         "warp": interval(np.array(warps)),
     }
     floors = {name: distance(other, real), POSE: interval(joint_errors(joints(images), truth))}
-    if has_depth and reference.path("depth", 0).exists():
+    if has_depth and reference.holds("depth"):
         size = generator.config.render.raw_size
         real_offset = clothes_error(*real_clothes(data, reference, surface.body, chosen, size))
         floors[CLOTHES] = number(*real_offset, count)
