@@ -26,7 +26,7 @@ from avatargen.run_folder import claim
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
 
 SETTINGS_FILE = "synth.json"
-FORMAT = 1  # raised when the same seed would give other pictures
+FORMAT = 2  # raised when the same seed would give other pictures
 
 
 @dataclass(frozen=True, kw_only=True)
