@@ -33,8 +33,7 @@ from avatargen.metrics.features import all_features, load_inception, random_feat
 from avatargen.metrics.frechet import covariance, distance_error, frechet_distance
 from avatargen.metrics.joints import fit_joints, true_joints
 from avatargen.metrics.warp import carry, warp_error
-from avatargen.training.adversarial import generator_config
-from avatargen.training.adversarial_state import new_state
+from avatargen.training.avatar_model import avatar_model
 from tests.bodies import capsule_body
 from tests.small_run import BODY, CONFIG, SIZE, make_data
 
@@ -170,10 +169,9 @@ def test_means_have_intervals_and_nothing_measured_is_said():
 def test_a_generator_is_measured(tmp_path: Path):
     make_data(tmp_path / "data")
     pictures = open_pictures(tmp_path / "data", SIZE)
-    networks = generator_config(CONFIG, BODY, None)
-    state = new_state(CONFIG, networks, pictures.labels.rows().shape[1], torch.device("cpu"))
+    generator = avatar_model(CONFIG, BODY).networks.eval().requires_grad_(False)
     features = ("frechet distance", random_features)
-    report = evaluate(state.average, CanonicalSurface(BODY), pictures, pictures, features, EvalConfig())
+    report = evaluate(generator, CanonicalSurface(BODY), pictures, pictures, features, EvalConfig())
     assert set(report.numbers) == {"frechet distance", "pose (% of the picture)"}
     assert report.left_out == (
         "depth (mm)",
@@ -186,7 +184,7 @@ def test_a_generator_is_measured(tmp_path: Path):
     assert report.table().count("\n") == 3 and report.seconds["total"] > 0
     strange = replace(pictures, labels=replace(pictures.labels, body="f" * 64))
     with pytest.raises(InputError, match="another body"):
-        evaluate(state.average, CanonicalSurface(BODY), strange, pictures, features, EvalConfig())
+        evaluate(generator, CanonicalSurface(BODY), strange, pictures, features, EvalConfig())
 
 
 def test_true_depth_wants_the_library_that_follows_rays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -248,9 +246,8 @@ def make_depth(folder: Path, by: float | None):
 def test_sharp_geometry_is_measured_with_finer_samples_than_it_was_trained_with(tmp_path: Path):
     """With six samples a ray a surface of 1 mm is seen half a centimetre off; with 48 it is not."""
     pictures = make_depth(tmp_path / "data", 0.0)
-    networks = generator_config(CONFIG, BODY, None)
-    networks = replace(networks, render=replace(networks.render, raw_size=16, initial_alpha=1e-3))
-    generator = new_state(replace(CONFIG, render=networks.render), networks, 107, torch.device("cpu")).average
+    render = replace(CONFIG.render, raw_size=16, initial_alpha=1e-3)
+    generator = avatar_model(replace(CONFIG, render=render), BODY).networks.requires_grad_(False)
     surface, chosen = CanonicalSurface(BODY), torch.arange(4)
     own, fine, exact = (
         generate(one, surface, pictures, chosen, 0)[0]

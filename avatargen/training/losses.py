@@ -80,7 +80,7 @@ def geometry_losses(
     surface: CanonicalSurface,
     people: Sequence[Person],
     points: int,
-    draws: Sequence[torch.Generator],
+    draws: Sequence[torch.Generator | None],
 ) -> GeometryLosses:
     """The three losses on the people's fields at random points near their posed bodies.
 
@@ -100,7 +100,11 @@ def geometry_losses(
 
 
 def losses_of_person(
-    generator: AvatarGenerator, surface: CanonicalSurface, person: Person, count: int, draw: torch.Generator
+    generator: AvatarGenerator,
+    surface: CanonicalSurface,
+    person: Person,
+    count: int,
+    draw: torch.Generator | None,
 ) -> tuple[Float[Tensor, ""], Float[Tensor, ""], Float[Tensor, ""]]:
     """Eikonal, minimal-surface and smpl loss of one person."""
     vertices = torch.from_numpy(person.posed.vertices).float()

@@ -1,20 +1,23 @@
 """What adversarial training and the metrics ask of a model that makes pictures of people.
 
-AvatarGen's generator is one such model; those that it is compared with (`avatargen/baselines`) are others.
-All are told the same labels and judged by the same discriminator.
+AvatarGen's (`avatar_model`) is one; those that it is compared with (`avatargen/baselines`) are others. All
+are told the same labels and judged by the same discriminator.
 
 Letters: B pictures, Z size of the latent, J joints, b directions of shape.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from pathlib import Path
+from typing import Any
 
 from jaxtyping import Float, Int64
-from torch import Tensor
+from torch import Tensor, nn
 
 from avatargen.generator.config import RenderConfig
 from avatargen.generator.picture import Picture
+from avatargen.training.adversarial_config import OptimizerConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +45,33 @@ class Generated:
     losses: Callable[[], dict[str, Float[Tensor, ""]]]
 
 
-class PictureModel(Protocol):
-    """A torch module that makes pictures of people."""
+class PictureModel(nn.Module, ABC):
+    """A module that makes pictures of people. Copies (`copy.deepcopy`) share what is not learned."""
 
     z_size: int
+    blocks: int  # resolution blocks at which two styles can be mixed; with fewer than two none are
     render: RenderConfig  # raw and final size, samples along a ray
 
+    @abstractmethod
     def generate(self, asked: Asked) -> Generated:
         """Pictures of a batch; no host is waited for."""
-        ...
+
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """All that the networks depend on, in types of JSON: a run's folder keeps it."""
+
+    @abstractmethod
+    def save(self, path: Path, notes: dict[str, str]) -> None:
+        """Write the weights as a file that can be used without the run, whole or not at all."""
+
+    def groups(self, config: OptimizerConfig) -> list[dict[str, Any]]:
+        """Parameters with their learning rates, as optimisers take them."""
+        return [{"params": list(self.parameters()), "lr": config.generator_rate}]
+
+    def numbers(self) -> dict[str, Float[Tensor, ""]]:
+        """What the log tells of the model beside its losses."""
+        return {}
+
+    def settle(self, z: Float[Tensor, "N Z"], camera: Float[Tensor, "N 25"]) -> None:
+        """Take what is kept of many latents (a mean style), before weights are written."""
+        return

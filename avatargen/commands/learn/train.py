@@ -97,6 +97,7 @@ def run(options: Options) -> None:
     from avatargen.extras import require_extra
     from avatargen.generator.checkpoint import load_checkpoint
     from avatargen.training.adversarial import train
+    from avatargen.training.avatar_model import avatar_model
 
     config = options.training
     if options.dry_run:
@@ -106,14 +107,16 @@ def run(options: Options) -> None:
     pictures = open_pictures(options.data, config.render.image_size)
     path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
     accelerator = accelerator_for(config)
+    body, start = training_body(options.body), load_checkpoint(path) if path else None
     train(
         config,
+        avatar_model(config, body, start),
         pictures,
-        training_body(options.body),
+        body,
         options.out,
         accelerator,
         lambda line: print(line, flush=True),
-        load_checkpoint(path) if path else None,
+        start.weights_hash if start else "random weights",
     )
     if accelerator.is_main_process:
         print(options.out / "generator.safetensors")
