@@ -26,7 +26,6 @@ from avatargen.metrics.evaluate import (
     finer,
     generate,
     halves,
-    holds_depth,
     interval,
 )
 from avatargen.metrics.features import all_features, load_inception, random_features
@@ -185,17 +184,6 @@ def test_a_generator_is_measured(tmp_path: Path):
     strange = replace(pictures, labels=replace(pictures.labels, body="f" * 64))
     with pytest.raises(InputError, match="another body"):
         evaluate(generator, CanonicalSurface(BODY), strange, pictures, features, EvalConfig())
-
-
-def test_true_depth_wants_the_library_that_follows_rays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    make_data(tmp_path / "data")
-    pictures = open_pictures(tmp_path / "data", SIZE)
-    monkeypatch.setattr("avatargen.extras.find_spec", lambda name: None)
-    assert not holds_depth(pictures)
-    pictures.path("depth", 0).parent.mkdir()
-    pictures.path("depth", 0).touch()
-    with pytest.raises(InputError, match=r"found no embreex, .* 'avatargen\[train\]'"):
-        holds_depth(pictures)
 
 
 def test_a_set_alone_is_its_own_reference_in_halves(tmp_path: Path):

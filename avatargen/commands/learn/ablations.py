@@ -46,7 +46,7 @@ def run(options: Options) -> None:
     from avatargen.metrics.ablations import run_ablations, table
     from avatargen.training.adversarial_config import PRESETS
 
-    require_extra("accelerate", "embreex")
+    require_extra("accelerate")
     base = PRESETS[options.preset]
     base = base if options.images is None else replace(base, images=options.images)
     size = base.render.image_size

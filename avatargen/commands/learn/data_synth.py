@@ -8,7 +8,6 @@ from pathlib import Path
 
 from avatargen.commands.line import OneLineParser, run_command, whole_number
 from avatargen.commands.progress import progress_line
-from avatargen.extras import require_extra
 
 PROGRAM = "avatargen data synth"
 EXAMPLE = """\
@@ -43,7 +42,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def command() -> None:
         given = parser.parse_args(arguments)
         with progress_line() as show:
-            require_extra("embreex")
             show("loading libraries", 0.0)
             from avatargen.data.pack import pack_in_place
             from avatargen.data.synth import SynthConfig, synthesize
