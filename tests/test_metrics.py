@@ -27,7 +27,6 @@ from avatargen.metrics.judges import BUILT_IN, Judges
 from avatargen.metrics.kernel_distance import kernel_distance
 from avatargen.metrics.report import mean
 from avatargen.metrics.shown import ShowConfig, show, turned_camera
-from avatargen.metrics.truth import look_at_depths
 from avatargen.metrics.warp import Pair, carry, pose_error, side_error
 from avatargen.training.avatar_model import avatar_model
 from tests.bodies import capsule_body
@@ -244,17 +243,6 @@ def test_a_generator_is_measured(tmp_path: Path):
     strange = replace(pictures, labels=replace(pictures.labels, body="f" * 64))
     with pytest.raises(InputError, match="another body"):
         set_exam(strange, pictures, BODY, by, config, 8)
-
-
-def test_true_depth_wants_the_library_that_follows_rays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    make_data(tmp_path / "data")
-    pictures = open_pictures(tmp_path / "data", SIZE)
-    monkeypatch.setattr("avatargen.extras.find_spec", lambda name: None)
-    assert look_at_depths(pictures, BODY, np.arange(2), 8) is None
-    pictures.path("depth", 0).parent.mkdir()
-    pictures.path("depth", 0).touch()
-    with pytest.raises(InputError, match=r"found no embreex, .* 'avatargen\[train\]'"):
-        look_at_depths(pictures, BODY, np.arange(2), 8)
 
 
 def test_a_set_alone_is_its_own_reference_in_halves(tmp_path: Path):

@@ -66,6 +66,11 @@ COMMANDS = (
         function="avatargen.commands.learn.data_prepare:main",
     ),
     Command(
+        words=("data", "pack"),
+        summary="a data set's pictures in one file, which training maps into memory",
+        function="avatargen.commands.learn.data_pack:main",
+    ),
+    Command(
         words=("train", "warm-start"),
         summary="train a generator on the procedural wardrobe; the same command resumes",
         function="avatargen.commands.learn.train_warm_start:main",

@@ -24,7 +24,7 @@ def sheet(results: Mapping[str, Result], data: Pictures) -> bytes:
     chosen = some.shown.chosen[:COLUMNS]
     real = [(255 * data.image(int(i)).permute(1, 2, 0).numpy()).astype(np.uint8) for i in chosen]
     rows: list[tuple[str, Sequence[np.ndarray]]] = [("real", real)]
-    if data.path("depth", 0).exists():
+    if data.holds("depth"):
         true = [data.depth(int(i)).numpy() for i in chosen]
         rows.append(("", [paint(depth, depth > 0) for depth in true]))
     for name, result in results.items():

@@ -52,7 +52,7 @@ def spread_over(pictures: Pictures, most: int) -> Int64[np.ndarray, " N"]:
 
 
 def load_images(pictures: Pictures, indices: Int64[np.ndarray, " N"]) -> Float[Tensor, "N 3 S S"]:
-    return torch.stack([pictures.image(int(i)) for i in indices])
+    return pictures.pixels(torch.as_tensor(indices)).float() / 255
 
 
 def true_joints(pictures: Pictures, body: Body, indices: np.ndarray) -> Float64[np.ndarray, "N J 2"]:

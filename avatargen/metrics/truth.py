@@ -13,7 +13,6 @@ from torch import Tensor
 
 from avatargen.body.model import Body
 from avatargen.data.dataset import Pictures
-from avatargen.extras import require_extra
 from avatargen.metrics.clothes import COVERED, Offsets, bare_depths, clothes_error, offsets, true_depth
 from avatargen.metrics.features import all_features
 from avatargen.metrics.joints import load_images, spread_over, true_joints
@@ -99,14 +98,9 @@ def gather_truth(
 
 
 def look_at_depths(data: Pictures, body: Body, chosen: Int64[np.ndarray, " N"], size: int) -> Depths | None:
-    """True depths where the data set has any.
-
-    Raises:
-        InputError: it has, and there is nothing to follow rays with.
-    """
-    if not data.path("depth", 0).exists():
+    """True depths where the data set has any."""
+    if not data.holds("depth"):
         return None
-    require_extra("embreex")
     seen = [true_depth(data, int(i), size) for i in chosen]
     return Depths(
         depth=torch.stack([depth for depth, _ in seen]),

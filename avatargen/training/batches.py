@@ -51,7 +51,7 @@ def draw_batch(
     mapped = torch.where(swap[share, None], pictures.row(swapped[share])[0], camera)
     real_camera, real_pose, real_betas = pictures.row(real[share])
     return Batch(
-        real=torch.stack([pictures.image(int(i)) for i in real[share]]),
+        real=pictures.pixels(real[share]).float() / 255,
         real_label=torch.cat([real_camera, real_pose.flatten(1), real_betas], dim=1),
         asked=Asked(
             z=z[share],

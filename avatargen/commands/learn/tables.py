@@ -133,7 +133,6 @@ def run(program: str, options: Options) -> None:
     if options.phase != "measure":
         make(plan, options)
     if options.phase != "make":
-        require_extra("embreex")
         measure(plan, options)
 
 
