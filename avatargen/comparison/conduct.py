@@ -23,6 +23,7 @@ LOOK_EVERY = 0.2  # seconds
 TELL_EVERY = 10.0  # seconds between lines of the log
 PACKING = 0.15  # seconds that packing a run takes, at most
 TO_STOP = 20.0  # seconds that a turn under way may take to end
+MOST_SHOWING = 0.35  # of the time
 LIVES = 3  # times that a worker may be started
 PACKED = "packed"  # folder of the packed pictures
 STAGES = ("loading", "training", "stopped", "done")
@@ -140,8 +141,10 @@ class Conductor:
         return 3.0 + PACKING * len(self.plan.runs)
 
     def time_to_stop(self) -> float:
-        """When training ends, so that there is time to show and to pack."""
-        return self.end - self.packing() - max(self.shared.show_seconds) - 2.0
+        """When training ends, so that there is time to show and to pack; where showing would take most of it,
+        fewer people are shown."""
+        whole = self.end - self.started - self.packing()
+        return self.end - self.packing() - min(max(self.shared.show_seconds), MOST_SHOWING * whole) - 2.0
 
     def wait(self, tell: Callable[[str], None], done: Callable[[], bool], until: Callable[[], float]) -> None:
         """Until it is done or the time has come; workers that die are replaced."""
