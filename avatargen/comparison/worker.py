@@ -7,6 +7,7 @@ A run that fails is told and left out. What is told to the conductor, and learne
 memory that all processes share.
 """
 
+import os
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -29,9 +30,16 @@ FAILED = -1  # in place of a number of pictures
 LOADING, TRAINING, STOPPED, SHOWN = range(4)  # where a worker is
 AHEAD = 2  # turns by which a run may be ahead of the last one
 WAIT = 0.02  # seconds
+BROKEN = 70  # status of a process whose GPU does not answer
 SAVE_EVERY = 90.0  # seconds between states of a run on the disk
 TIME_EVERY = 40.0  # seconds between looks at how long showing takes
 MARGIN = 1.3  # by which showing may take longer than it did
+
+
+EXPECTED = (
+    *(AvatarGenError, RuntimeError, OSError, AssertionError),
+    *(ValueError, TypeError, ArithmeticError, LookupError, AttributeError),
+)  # of a run that fails; others end the process
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,8 +131,9 @@ class Team:
         self.shared.active[self.job.worker] = place
         try:
             return do()
-        except (AvatarGenError, RuntimeError, ValueError, TypeError, ArithmeticError, LookupError) as error:
+        except EXPECTED as error:
             self.job.log(f"{self.job.runs[place].key} failed: {error}\n{traceback.format_exc()}")
+            leave_broken_device()
             self.drop(place)
         finally:
             self.shared.active[self.job.worker] = FAILED
@@ -225,6 +234,16 @@ class Team:
             self.job.folder(place) / "weights.safetensors", {"training": f"adversarial, {images} pictures"}
         )
         run.restore_average()
+
+
+def leave_broken_device() -> None:
+    """End the process, whose other runs the conductor gives to a new one, where the GPU answers nothing any
+    more."""
+    if torch.cuda.is_available():
+        try:
+            torch.cuda.synchronize()
+        except RuntimeError:
+            os._exit(BROKEN)
 
 
 def device_name(device: torch.device) -> str:

@@ -143,10 +143,9 @@ def clothes_of(seen: Views, true: Depths) -> Number | None:
 
 def side_errors(shown: Shown, data: Pictures) -> Float64[np.ndarray, " T"]:
     """Warp of everybody who was turned."""
-    count = len(shown.turned)
-    camera = data.row(torch.from_numpy(shown.chosen[:count]))[0]
-    turned = turned_camera(camera, sides(np.arange(count)))
-    pairs = pairs_of(shown.first, shown.turned, camera, turned)
+    camera = data.row(torch.from_numpy(shown.chosen))[0]
+    turned = turned_camera(camera, sides(np.arange(len(shown))))[: len(shown.turned)]
+    pairs = pairs_of(shown.first, shown.turned, camera[: len(turned)], turned)
     return np.array([side_error(pair) for pair in pairs])
 
 
@@ -174,12 +173,12 @@ def pairs_of(
     first: Views, second: Views, camera: Float[Tensor, "T 25"], other: Float[Tensor, "T 25"]
 ) -> list[Pair]:
     """Pictures of the same people side by side, averaged down to the size of their depth."""
-    both = [(views.part(slice(len(other))), cameras) for views, cameras in ((first, camera), (second, other))]
+    both = [views.part(slice(len(other))) for views in (first, second)]
     colors, depth, mask = (
         torch.stack(parts, dim=1)
-        for parts in zip(*((small(views), views.metres(), views.cover()) for views, _ in both), strict=True)
+        for parts in zip(*((small(views), views.metres(), views.cover()) for views in both), strict=True)
     )
-    cameras = torch.stack([camera, other], dim=1)
+    cameras = torch.stack([camera, other], dim=1)  # T 2 25
     return [
         Pair(colors=colors[i], depth=depth[i], mask=mask[i], camera=camera_of_vector(cameras[i]))
         for i in range(len(other))
