@@ -69,7 +69,7 @@ class Views:
         """0..1."""
         return torch.from_numpy(self.mask).float() / 255
 
-    def part(self, which: slice) -> "Views":
+    def part(self, which: slice | np.ndarray) -> "Views":
         return Views(**{each.name: getattr(self, each.name)[which] for each in fields(self)})
 
 
