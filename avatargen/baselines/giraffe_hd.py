@@ -24,7 +24,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from avatargen.baselines.baseline import LOSS_POINTS, RAYS, Baseline, full_precision, opaque, within_bins
+from avatargen.baselines.baseline import BEHIND, RAYS, Baseline, full_precision, opaque, within_bins
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.layers import wave_count, waves
 from avatargen.baselines.volume import Rays, as_picture, paint_over, picture_of, render_once
@@ -36,7 +36,7 @@ from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.superresolution import Upsampler
 from avatargen.training.picture_model import Asked, Generated
 
-BEHIND = 2.0  # metres behind the box's far side, over which the background is sampled
+ROOM = 2.0  # metres behind the box's far side, over which the background is sampled
 BEHIND_OPACITY = 0.25  # metres, as `opacity`
 SURE = 0.98  # of a mask: so far from 0 and 1 that its logit has a slope
 FAINT = 0.01  # mask of which a colour is not yet told
@@ -157,8 +157,8 @@ class GiraffeHD(Baseline):
 
     def background(self, asked: Asked, w: Float[Tensor, "B D"], rays: Rays) -> Float[Tensor, "B P K"]:
         """Colours, on white, and features of what lies behind the box."""
-        beyond = replace(rays, near=rays.far, far=rays.far + BEHIND)
-        within = within_bins(asked.seeds, rays.near, self.config.behind_samples, LOSS_POINTS)
+        beyond = replace(rays, near=rays.far, far=rays.far + ROOM)
+        within = within_bins(asked.seeds, rays.near, self.config.behind_samples, BEHIND)
         seen = render_once(partial(self.back, w, self.box), beyond, within, self.back_density)
         return torch.cat([paint_over(seen, BACKGROUND), seen.features[..., 3:]], dim=-1)
 
