@@ -22,7 +22,6 @@ from avatargen.training.adversarial_config import OptimizerConfig
 from avatargen.training.picture_model import Asked, PictureModel
 
 RAYS, RAYS_AGAIN, LOSS_POINTS, LOSS_SHIFTS, LOSS_PIXELS, BEHIND = range(6)  # streams of random numbers
-SHARPNESS_SHARE = 0.01  # of the rate, for a sharpness in metres
 CLEAR = 4.0  # an untrained network, whose numbers are about 0, lets half of the light through the box
 
 
@@ -56,6 +55,7 @@ class Baseline(PictureModel):
     """A mapping network that is told camera, pose and shape, a box of space, and a density."""
 
     name: ClassVar[str]  # of the method, as commands and files call it
+    shares: ClassVar[dict[str, float]] = {}  # of the rate, for parts that learn at less than the whole
     box: Tensor
 
     def __init__(self, config: BaselineConfig, density: Density) -> None:
@@ -97,10 +97,10 @@ class Baseline(PictureModel):
         save_baseline(self, path, {"licence": "Apache-2.0", **notes})
 
     def groups(self, config: OptimizerConfig) -> list[dict[str, Any]]:
-        """All that learns at one rate, but the density's sharpness, which a step of that size would undo."""
-        density = [p for p in self.density.parameters() if p.requires_grad]
-        others = [
-            p for name, p in self.named_parameters() if p.requires_grad and not name.startswith("density.")
-        ]
-        rate = config.generator_rate
-        return [{"params": others, "lr": rate}, {"params": density, "lr": rate * SHARPNESS_SHARE}]
+        """What learns, each part at its share of the rate."""
+        rate, groups = config.generator_rate, {}
+        for name, parameter in self.named_parameters():
+            if parameter.requires_grad:
+                share = next((share for part, share in self.shares.items() if name.startswith(part)), 1.0)
+                groups.setdefault(share, []).append(parameter)
+        return [{"params": parameters, "lr": rate * share} for share, parameters in groups.items()]
