@@ -30,13 +30,13 @@ from avatargen.baselines.baseline import (
     full_precision,
     opaque,
     seeds_of,
-    uniform,
     within_bins,
 )
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.volume import as_picture, paint_over, picture_of, render_twice
 from avatargen.generator.config import PlanesConfig, SynthesisConfig
 from avatargen.generator.density import Density
+from avatargen.generator.draws import uniform
 from avatargen.generator.layers import EqualLinear
 from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.planes import PlaneFrame, sample_planes
@@ -110,7 +110,8 @@ class EG3D(Baseline):
         """How much the density differs between neighbouring points, weighted."""
         config = self.config
         here = self.anywhere(seeds, config.points)
-        there = here + config.shift * (2 * uniform(seeds, (config.points, 3), LOSS_SHIFTS) - 1)
+        shift = 2 * uniform(seeds, 3 * config.points, LOSS_SHIFTS).view_as(here) - 1
+        there = here + config.shift * shift
         points = torch.cat([here, there], dim=1)
         with full_precision(planes):
             number, _ = self.field(planes, points, points)

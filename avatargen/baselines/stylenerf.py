@@ -33,13 +33,13 @@ from avatargen.baselines.baseline import (
     full_precision,
     opaque,
     seeds_of,
-    uniform,
     within_bins,
 )
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.layers import ModulatedLinear, StyledLayer, wave_count, waves
 from avatargen.baselines.volume import Field, as_picture, picture_of, render_once
 from avatargen.generator.density import Density
+from avatargen.generator.draws import uniform
 from avatargen.generator.layers import EqualLinear, leaky_relu, upsample
 from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.renderer import Rendering
@@ -166,7 +166,7 @@ class StyleNeRF(Baseline):
         config, size = self.config, self.render.image_size
         seeds = seeds_of(asked)
         with full_precision(w):
-            chosen = (uniform(seeds, (config.pixels,), LOSS_PIXELS) * size**2).long().clamp_max(size**2 - 1)
+            chosen = (uniform(seeds, config.pixels, LOSS_PIXELS) * size**2).long().clamp_max(size**2 - 1)
             rays = self.rays(asked, size).some(chosen)
             within = within_bins(asked.seeds, rays.near, self.render.samples, LOSS_POINTS)
             colors = self.straight(render_once(field, rays, within, self.density), w)

@@ -20,6 +20,7 @@ Letters: B pictures, N points, D size of w, H width, K features.
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float, Int64
@@ -73,6 +74,7 @@ class StyleSDF(Baseline):
     """A SIREN of the observed space."""
 
     name = "stylesdf"
+    shares: ClassVar = {"density.": 0.01}  # a sharpness in metres, which a step of the whole rate would undo
     config: StyleSDFConfig
     slender: Tensor
 

@@ -9,7 +9,7 @@ import triton.language as tl  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float, Int
 from torch import Tensor
 
-POINTS, VERTICES = 128, 32  # of a block
+POINTS, VERTICES = 128, 16  # of a block
 FAR = 1e30  # square metres
 
 
