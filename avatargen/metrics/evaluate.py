@@ -34,7 +34,7 @@ from avatargen.metrics.features import all_features
 from avatargen.metrics.judges import Judges
 from avatargen.metrics.report import Number, Report, distance, mean, measured
 from avatargen.metrics.shown import ShowConfig, Shown, Views, choose_labels, show, sides, turned_camera
-from avatargen.metrics.truth import CLOTHES, Depths, Truth, gather_truth, joint_errors
+from avatargen.metrics.truth import CLOTHES, Depths, Truth, gather_truth
 from avatargen.metrics.warp import Pair, pose_error, side_error
 from avatargen.training.picture_model import PictureModel
 
@@ -98,7 +98,7 @@ def measure(shown: Shown, truth: Truth, judges: Judges) -> dict[str, Number | No
     depths = truth.depths
     numbers[DEPTH] = mean(depth_errors(shown.first, depths)) if depths else None
     numbers[CLOTHES] = clothes_of(shown.first, depths) if depths else None
-    numbers[judges.joints.name] = mean(joint_errors(judges.joints.estimate(images), truth.joints))
+    numbers[judges.joints.name] = mean(judges.joints.errors(images, truth.joints))
     numbers[WARP] = mean(side_errors(shown, truth.data))
     if len(shown.reposed):
         numbers[POSE_WARP] = mean(pose_errors(shown, truth.data, truth.body))

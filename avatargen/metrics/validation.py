@@ -9,7 +9,7 @@ Warp needs two sides of a person, of which a data set has one: it is measured on
 painted by the place of each point on the body, and worsened alike. A metric is right if it grows with what it
 is to see.
 
-Letters: N pictures.
+Letters: N pictures, S pixels a side, r of depth.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Int64
+from jaxtyping import Float, Int64
+from torch import Tensor
+from torch.nn import functional as F
 
 from avatargen.body.model import Body, pose, pose_canonically, shape
 from avatargen.data.dataset import Pictures
@@ -98,21 +100,21 @@ def worse_views(views: Views, what: str, amount: float, seed: int) -> Views:
         colors = colors + amount / 100 * torch.randn(colors.shape, generator=random)
     elif what == "depth nearer (mm)":
         metres = metres - amount / 1000
-    return in_eight_bits(Picture(image=colors, raw=colors, depth=metres, mask=views.cover()))
+    return views_of(colors, metres, views.cover())
+
+
+def views_of(
+    colors: Float[Tensor, "N 3 S S"], metres: Float[Tensor, "N r r"], cover: Float[Tensor, "N r r"]
+) -> Views:
+    raw = F.interpolate(colors, size=cover.shape[1:], mode="area")
+    return in_eight_bits(Picture(image=colors, raw=raw, depth=metres, mask=cover))
 
 
 def real_pictures(data: Pictures, chosen: Int64[np.ndarray, " N"], raw_size: int) -> Shown:
     """A data set's own pictures, as if a model had made them."""
     seen = [true_depth(data, int(i), raw_size) for i in chosen]
-    colors = load_images(data, chosen)
-    views = in_eight_bits(
-        Picture(
-            image=colors,
-            raw=colors,
-            depth=torch.stack([depth for depth, _ in seen]),
-            mask=torch.stack([cover for _, cover in seen]),
-        )
-    )
+    depth, cover = (torch.stack(part) for part in zip(*seen, strict=True))
+    views = views_of(load_images(data, chosen), depth, cover)
     nobody = views.part(slice(0))
     return Shown(chosen=chosen, first=views, turned=nobody, reposed=nobody)
 
@@ -125,7 +127,7 @@ def bare_bodies(data: Pictures, body: Body, chosen: Int64[np.ndarray, " N"], raw
     camera = data.row(torch.from_numpy(chosen))[0]
     turned = turned_camera(camera, sides(np.arange(len(chosen))))
 
-    def views(vectors: torch.Tensor) -> Views:
+    def views(vectors: Tensor) -> Views:
         shots = []
         for i, vector in zip(chosen, vectors, strict=True):
             labels = data.labels
@@ -138,7 +140,7 @@ def bare_bodies(data: Pictures, body: Body, chosen: Int64[np.ndarray, " N"], raw
         image = torch.from_numpy(np.stack([shot.image for shot in shots])).permute(0, 3, 1, 2) / 255
         depth = torch.from_numpy(np.stack([shot.depth for shot in shots]).astype(np.float32)) * DEPTH_UNIT
         mask = torch.from_numpy(np.stack([shot.mask for shot in shots])) / 255
-        return in_eight_bits(Picture(image=image, raw=image, depth=depth, mask=mask))
+        return views_of(image, depth, mask)
 
     first = views(camera)
     return Shown(chosen=chosen, first=first, turned=views(turned), reposed=first.part(slice(0)))
