@@ -78,7 +78,6 @@ class FeatureField(nn.Module):
         features: int,
         w_size: int,
         opacity: float,
-        clear: bool = False,
     ) -> None:
         super().__init__()
         self.frequencies, self.opacity = frequencies, opacity
@@ -86,7 +85,7 @@ class FeatureField(nn.Module):
         self.shape = EqualLinear(w_size, width)
         self.layers = nn.ModuleList(EqualLinear(width, width) for _ in range(depth - 1))
         self.again = nn.ModuleList(EqualLinear(w_size, width) for _ in range(depth - 1))
-        self.sigma = EqualLinear(width, 1, zero=clear)
+        self.sigma = EqualLinear(width, 1, zero=True)  # an even fog at first, whatever the codes say
         self.view = EqualLinear(width + 3, width)
         self.appearance = EqualLinear(w_size, width)
         self.leave = EqualLinear(width, features)
@@ -140,7 +139,6 @@ class GiraffeHD(Baseline):
             features=config.behind_features,
             w_size=scene_size,
             opacity=BEHIND_OPACITY,
-            clear=True,
         )
         self.back_density = Density(BEHIND_OPACITY, "density").requires_grad_(False)
         self.front_upsampler = Upsampler(
