@@ -34,11 +34,6 @@ def within_bins(
     return uniform(seeds, like.shape[1] * count, stream).unflatten(1, (like.shape[1], count))
 
 
-def full_precision(of: Tensor) -> torch.autocast:
-    """Depths and distances need all their digits."""
-    return torch.autocast(of.device.type, enabled=False)
-
-
 def seeds_of(asked: Asked) -> Int64[Tensor, " B"]:
     """Seeds of the points at which losses are asked."""
     return torch.zeros_like(asked.camera[:, 0], dtype=torch.int64) if asked.seeds is None else asked.seeds

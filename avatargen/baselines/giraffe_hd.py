@@ -25,13 +25,13 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from avatargen.baselines.baseline import BEHIND, RAYS, Baseline, full_precision, opaque, within_bins
+from avatargen.baselines.baseline import BEHIND, RAYS, Baseline, opaque, within_bins
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.layers import wave_count, waves
 from avatargen.baselines.volume import Rays, as_picture, paint_over, picture_of, render_once
 from avatargen.generator.config import MappingConfig
 from avatargen.generator.density import Density
-from avatargen.generator.layers import EqualLinear, leaky_relu
+from avatargen.generator.layers import EqualLinear, leaky_relu, without_autocast
 from avatargen.generator.mapping import Mapping
 from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.superresolution import Upsampler
@@ -78,7 +78,6 @@ class FeatureField(nn.Module):
         features: int,
         w_size: int,
         opacity: float,
-        clear: bool = False,
     ) -> None:
         super().__init__()
         self.frequencies, self.opacity = frequencies, opacity
@@ -86,7 +85,7 @@ class FeatureField(nn.Module):
         self.shape = EqualLinear(w_size, width)
         self.layers = nn.ModuleList(EqualLinear(width, width) for _ in range(depth - 1))
         self.again = nn.ModuleList(EqualLinear(w_size, width) for _ in range(depth - 1))
-        self.sigma = EqualLinear(width, 1, zero=clear)
+        self.sigma = EqualLinear(width, 1, zero=True)  # an even fog at first, whatever the codes say
         self.view = EqualLinear(width + 3, width)
         self.appearance = EqualLinear(w_size, width)
         self.leave = EqualLinear(width, features)
@@ -140,7 +139,6 @@ class GiraffeHD(Baseline):
             features=config.behind_features,
             w_size=scene_size,
             opacity=BEHIND_OPACITY,
-            clear=True,
         )
         self.back_density = Density(BEHIND_OPACITY, "density").requires_grad_(False)
         self.front_upsampler = Upsampler(
@@ -151,7 +149,7 @@ class GiraffeHD(Baseline):
     def generate(self, asked: Asked) -> Generated:
         w, late = self.styles(asked)
         scene = self.scene(asked.z, asked.camera)
-        with full_precision(w):
+        with without_autocast(w.device):
             rays = self.rays(asked, self.render.raw_size)
             within = within_bins(asked.seeds, rays.near, self.render.samples, RAYS)
             seen = render_once(partial(self.front, w.float(), self.box), rays, within, self.density)
@@ -177,7 +175,7 @@ class GiraffeHD(Baseline):
 
     def meets_box(self, asked: Asked) -> Bool[Tensor, "B S S"]:
         """Which pixels of the final picture show a part of the object's box."""
-        with full_precision(asked.camera):
+        with without_autocast(asked.camera.device):
             rays = self.rays(asked, self.render.image_size)
         return (rays.far > rays.near).unflatten(1, (self.render.image_size,) * 2)
 
