@@ -55,6 +55,7 @@ FLOORS = {
         "loading",
         "data photo text",
         "training",
+        "baselines",
         "metrics",
         "export",
         "commands",

@@ -10,7 +10,7 @@ import pytest
 from avatargen.commands import main
 from avatargen.commands.bench.run import Grid
 from avatargen.errors import InputError
-from avatargen.metrics.evaluate import EvalConfig
+from avatargen.metrics.shown import ShowConfig
 from avatargen.ranges import require_ranges
 from avatargen.training.adversarial_config import LossConfig, OptimizerConfig, VarietyConfig
 from avatargen.training.warm_start import RANGES, WarmStartConfig
@@ -93,6 +93,6 @@ def test_sizes_out_of_range_are_one_line_and_no_file(
 
 def test_a_measure_of_few_pictures_says_nothing() -> None:
     with pytest.raises(InputError, match="say nothing"):
-        EvalConfig(pictures=19)
+        ShowConfig(pictures=19)
     with pytest.raises(InputError, match="found neighbours 5"):
         Grid(neighbours=(1, 5))

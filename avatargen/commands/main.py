@@ -91,9 +91,19 @@ COMMANDS = (
         function="avatargen.commands.learn.train:main",
     ),
     Command(
+        words=("eval", "baselines"),
+        summary="train and measure the methods of the paper's Table 1; the same command resumes",
+        function="avatargen.commands.learn.tables:baselines",
+    ),
+    Command(
         words=("eval", "ablations"),
-        summary="train and measure every choice of the paper's Table 2",
-        function="avatargen.commands.learn.ablations:main",
+        summary="train and measure every choice of the paper's Table 2; the same command resumes",
+        function="avatargen.commands.learn.tables:ablations",
+    ),
+    Command(
+        words=("eval", "tables"),
+        summary="both tables at once, in a given time, on one machine or two",
+        function="avatargen.commands.learn.tables:tables",
     ),
     Command(
         words=("eval", "runs"),

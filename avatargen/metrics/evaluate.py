@@ -14,6 +14,7 @@ Letters: N pictures, r raw size.
 """
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -40,26 +41,42 @@ from avatargen.training.picture_model import PictureModel
 DEPTH, WARP, POSE_WARP = "depth (mm)", "warp", "warp across poses"
 
 
-def evaluate(
-    model: PictureModel, data: Pictures, reference: Pictures, body: Body, judges: Judges, config: ShowConfig
-) -> Report:
-    """Measure a model against held-out pictures. `reference` are other real pictures: floors compare them
-    with the held-out ones.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exam:
+    """What models are asked for, the real pictures that this is held against, and who judges."""
+
+    data: Pictures
+    truth: Truth
+    judges: Judges
+    config: ShowConfig
+    seconds: float  # that it took to prepare
+
+
+def set_exam(
+    data: Pictures, reference: Pictures, body: Body, judges: Judges, config: ShowConfig, raw_size: int
+) -> Exam:
+    """Held-out pictures to measure against. `reference` are other real pictures: floors compare them with the
+    held-out ones.
 
     Raises:
         InputError: labels that are of another body.
     """
     require_body(body, data, reference)
     started = time.perf_counter()
-    chosen = choose_labels(data, config)
-    truth = gather_truth(data, reference, body, chosen, judges, model.render.raw_size)
-    seconds = {"truth": time.perf_counter() - started}
-    shown = show(model, data, config)
-    seconds["generate"] = time.perf_counter() - started - seconds["truth"]
-    numbers = measure(shown, truth, judges)
+    truth = gather_truth(data, reference, body, choose_labels(data, config), judges, raw_size)
+    seconds = time.perf_counter() - started
+    return Exam(data=data, truth=truth, judges=judges, config=config, seconds=seconds)
+
+
+def examine(model: PictureModel, exam: Exam) -> Report:
+    """Measure a model."""
+    started = time.perf_counter()
+    shown = show(model, exam.data, exam.config)
+    seconds = {"truth": exam.seconds, "generate": time.perf_counter() - started}
+    numbers = measure(shown, exam.truth, exam.judges)
     return Report(
         numbers=measured(numbers),
-        floors=truth.floors,
+        floors=exam.truth.floors,
         left_out=tuple(name for name, number in numbers.items() if number is None),
         seconds={**seconds, "total": time.perf_counter() - started},
     )

@@ -116,7 +116,6 @@ def sides(numbers: Int64[np.ndarray, " N"]) -> Float[Tensor, " N"]:
     return torch.from_numpy(np.where(numbers % 2, -TURN, TURN).astype(np.float32))
 
 
-@torch.no_grad()
 def show_in_parts(model: PictureModel, data: Pictures, config: ShowConfig) -> Iterator[Shown]:
     """Some people after another; `together` joins them."""
     chosen = choose_labels(data, config)
@@ -127,8 +126,7 @@ def show_in_parts(model: PictureModel, data: Pictures, config: ShowConfig) -> It
         z, labels = latents[own], data.row(torch.from_numpy(chosen[own]))
         camera = labels[0]
         first = ask(model, z, camera, labels)
-        side = own[own < config.turned]
-        turned = turned_camera(camera[: len(side)], sides(side))
+        turned = turned_camera(camera, sides(own))[own < config.turned]
         again = own[own < config.reposed]
         after = data.row(torch.from_numpy(chosen[(again + 1) % len(chosen)]))
         yield Shown(
@@ -189,7 +187,8 @@ def ask(
         betas=betas,
         seeds=None,
     )
-    return in_eight_bits(model.generate(asked).picture)
+    with torch.no_grad():
+        return in_eight_bits(model.generate(asked).picture)
 
 
 def in_eight_bits(picture: Picture) -> Views:

@@ -41,12 +41,12 @@ def side_error(pair: Pair) -> float:
     """Mean absolute colour difference between two sides of a person who stands still; NaN where too few
     points are seen.
 
-    A point counts unless it lies outside the second picture or something stands before it there: a surface
-    that is elsewhere or gone when the camera moves is an error, too.
+    A point counts unless it lies outside the second picture or on an outline there, or something stands
+    before it: a surface that is elsewhere or gone when the camera moves is an error, too.
     """
 
-    def seen(away: Tensor, far: Tensor, solid: Tensor) -> Tensor:
-        return ~(solid & (far < away - SAME_POINT))
+    def seen(away: Tensor, far: Tensor, cover: Tensor) -> Tensor:
+        return (cover < 1 - SOLID) | ((cover > SOLID) & (far > away - SAME_POINT))
 
     return warp_error(pair, lambda points: points, seen)
 
@@ -55,8 +55,8 @@ def pose_error(pair: Pair, maps: tuple[CanonicalMap, CanonicalMap]) -> float:
     """The same between two poses, whose bodies' maps are given. Bodies carry points not quite to where they
     are, so only those count that the second picture shows at about that depth."""
 
-    def seen(away: Tensor, far: Tensor, solid: Tensor) -> Tensor:
-        return solid & ((far - away).abs() < SAME_POINT)
+    def seen(away: Tensor, far: Tensor, cover: Tensor) -> Tensor:
+        return (cover > SOLID) & ((far - away).abs() < SAME_POINT)
 
     return warp_error(pair, lambda points: carry(points, *maps), seen)
 
@@ -67,7 +67,7 @@ def warp_error(
     """Mean absolute colour difference between points of the first picture, moved, and the second picture.
 
     `seen` tells which count, from their distances to the second camera, the depth that it sees there, and
-    whether somebody is there.
+    how much somebody covers the place.
     """
     size = pair.colors.shape[-1]
     origin, direction = (part.double().cpu().numpy() for part in rays(pair.camera, size))
@@ -79,16 +79,16 @@ def warp_error(
     there = F.grid_sample(pair.colors[1:], grid, align_corners=False)[0, :, 0].T
     inside: Bool[Tensor, " N"] = (grid[0, 0].abs() < 1).all(dim=1)
     away = torch.from_numpy(np.linalg.norm(moved - origin[1, 0], axis=1)).to(pair.depth)
-    counts = inside & seen(away, at(pair.depth[1], grid), at(pair.mask[1], grid) > SOLID)
+    counts = inside & seen(away, at(pair.depth[1], grid, "nearest"), at(pair.mask[1], grid, "bilinear"))
     if counts.sum() < FEWEST:
         return float("nan")
     here = pair.colors[0].flatten(1).T[torch.from_numpy(solid).to(pair.colors.device)]
     return float((here - there)[counts].abs().mean())
 
 
-def at(values: Float[Tensor, "r r"], grid: Float[Tensor, "1 1 N 2"]) -> Float[Tensor, " N"]:
-    """The pixel at each place."""
-    return F.grid_sample(values[None, None], grid, mode="nearest", align_corners=False)[0, 0, 0]
+def at(values: Float[Tensor, "r r"], grid: Float[Tensor, "1 1 N 2"], mode: str) -> Float[Tensor, " N"]:
+    """What stands at each place."""
+    return F.grid_sample(values[None, None], grid, mode=mode, align_corners=False)[0, 0, 0]
 
 
 def carry(points: Points, first: CanonicalMap, second: CanonicalMap) -> Points:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from avatargen.body.model import Body, canonical_body
@@ -21,7 +21,7 @@ from avatargen.generator.config import GeneratorConfig, for_body
 from avatargen.generator.decoder import fit_reach
 from avatargen.generator.density import Density
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, Person, make_people, picture_people
+from avatargen.generator.picture import CanonicalSurface, People, make_people, picture_people
 from avatargen.training.adversarial_config import NETWORKS, AdversarialConfig, LossConfig, OptimizerConfig
 from avatargen.training.losses import geometry_losses
 from avatargen.training.picture_model import Asked, Generated, PictureModel
@@ -50,18 +50,16 @@ class AvatarModel(PictureModel):
             late = networks.mapping(asked.other_z, asked.mapped_camera)
             planes = networks.synthesis(w, late, asked.crossover)
         people = make_people(networks, self.surface, late.float(), planes.float(), asked.pose, asked.betas)
-        seeds = [None] * len(people) if asked.seeds is None else asked.seeds.tolist()
-        draws = [None if seed is None else torch.Generator().manual_seed(seed) for seed in seeds]
         camera = camera_of_vector(asked.camera)
-        picture = picture_people(networks, self.surface, people, camera, draws)
-        return Generated(picture=picture, losses=lambda: self.losses_of(people, draws))
+        picture = picture_people(networks, people, camera, asked.seeds, asked.room)
+        seeds = torch.zeros(len(people), dtype=torch.long, device=people.w.device)
+        seeds = seeds if asked.seeds is None else asked.seeds
+        return Generated(picture=picture, losses=lambda: self.losses_of(people, seeds))
 
-    def losses_of(
-        self, people: list[Person], draws: list[torch.Generator | None]
-    ) -> dict[str, Float[Tensor, ""]]:
+    def losses_of(self, people: People, seeds: Int64[Tensor, " B"]) -> dict[str, Float[Tensor, ""]]:
         """The geometry losses, weighted."""
         weights = self.weights
-        shape = geometry_losses(self.networks, self.surface, people, weights.points, draws)
+        shape = geometry_losses(self.networks, people, weights.points, seeds)
         return {
             "eikonal": weights.eikonal * shape.eikonal,
             "minimal_surface": weights.minimal_surface * shape.minimal_surface,

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor, nn
 
 from avatargen.generator.config import RenderConfig
-from avatargen.generator.picture import Picture
+from avatargen.generator.picture import Picture, Room
 from avatargen.training.adversarial_config import OptimizerConfig
 
 
@@ -32,6 +32,7 @@ class Asked:
     pose: Float[Tensor, "B J 3"]  # axis-angle, radians
     betas: Float[Tensor, "B b"]
     seeds: Int64[Tensor, " B"] | None  # of samples along rays; none: they stand in the middle of their bins
+    room: Room | None = None  # what `PictureModel.survey` found of a set that these labels are from
 
 
 @dataclass(frozen=True, kw_only=True)

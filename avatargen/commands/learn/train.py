@@ -2,6 +2,7 @@
 
 avatargen train --preset cpu --data data/train --out runs/first
 avatargen train --preset cpu --data data/train --out runs/second --start-from shipped
+avatargen train --preset cpu --data data/train --out runs/third --model eg3d
 accelerate launch --num_processes 2 -m avatargen.commands.learn.train --preset gpu --data ... --out ...
 """
 
@@ -29,6 +30,7 @@ class Options:
     data: Path
     out: Path
     preset: str
+    model: str
     start_from: str | None
     body: Path | None
     training: AdversarialConfig
@@ -49,6 +51,7 @@ def parse(words: list[str]) -> Options:
         data: Path,
         out: Path,
         preset: Literal["debug", "cpu", "gpu", "paper"],
+        model: Literal["avatargen", "eg3d", "stylesdf", "stylenerf", "giraffe-hd"] = "avatargen",
         start_from: str | None = None,
         body: Path | None = None,
         training: AdversarialConfig = chosen,
@@ -61,6 +64,8 @@ def parse(words: list[str]) -> Options:
             data: Folder of pictures with dataset.json.
             out: Folder of the run.
             preset: Where the settings start from; every one of them can be changed.
+            model: Which method learns them: this one, or one of those that it is compared with, of about the
+                same size.
             start_from: Weights to begin with: a file, or `shipped` for those of the package.
             body: The body that the labels are of, where it is not the shipped one.
             snapshot_pictures: How many pictures each snapshot is measured by, 20 or more; 0: none, and
@@ -71,6 +76,7 @@ def parse(words: list[str]) -> Options:
             data=data,
             out=out,
             preset=preset,
+            model=model,
             start_from=start_from,
             body=body,
             training=training,
@@ -98,6 +104,7 @@ def preset_of(words: list[str]) -> str:
 def run(options: Options) -> None:
     """Open the data, load the weights to start from, and train."""
     from avatargen.avatar import shipped, training_body
+    from avatargen.baselines.models import new_baseline
     from avatargen.data.dataset import open_pictures
     from avatargen.extras import require_extra
     from avatargen.generator.checkpoint import load_checkpoint
@@ -109,6 +116,8 @@ def run(options: Options) -> None:
     if options.dry_run:
         print(config)
         return
+    if options.model != "avatargen" and options.start_from:
+        raise InputError(f"found --start-from with --model {options.model}, which starts from random weights")
     require_extra("accelerate")
     pictures = open_pictures(options.data, config.render.image_size)
     path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
@@ -117,7 +126,9 @@ def run(options: Options) -> None:
     body, start = training_body(options.body), load_checkpoint(path) if path else None
     train(
         config,
-        avatar_model(config, body, start),
+        avatar_model(config, body, start)
+        if options.model == "avatargen"
+        else new_baseline(options.model, config, body),
         pictures,
         body,
         options.out,
