@@ -21,7 +21,7 @@ from avatargen.body.model import CanonicalBody
 from avatargen.body.reach import outer_reach
 from avatargen.errors import InputError
 from avatargen.generator.config import DecoderConfig
-from avatargen.generator.layers import ACTIVATION_GAIN, LEAK, EqualLinear, leaky_relu
+from avatargen.generator.layers import ACTIVATION_GAIN, LEAK, EqualLinear, leaky_relu, may_branch
 from avatargen.generator.parts import Shares
 
 Heads = Literal["shape", "color", "both"]
@@ -270,7 +270,7 @@ class Decoder(nn.Module):
         if self.shares is None or not count:
             return self.networks[0](x, layers[0], heads)
         shares = self.shares(points)
-        if x.device.type != "cpu":  # nobody waits for how many points each part has
+        if not may_branch(x):  # nobody waits for how many points each part has
             pairs = zip(self.networks, layers, shares.split(1, dim=2), strict=True)
             return sum_of([network(x, own, heads) * share for network, own, share in pairs])
         present = (shares > 0).sum(dim=1).amax(dim=0).tolist()  # points that each part has at most
@@ -328,7 +328,7 @@ def interpolate(table: Float[Tensor, "V K"], body: BodyPoints) -> Float[Tensor, 
     """Features of the body's vertices at the closest body points."""
     index = body.vertices.flatten(0, 1)
     weights = body.barycentric.flatten(0, 1).to(table.dtype)
-    if table.device.type == "cpu":
+    if may_branch(table):
         mixed = F.embedding_bag(index, table, per_sample_weights=weights, mode="sum")
     else:  # a GPU would sort the rows in its backward pass
         mixed = sum_of([table.index_select(0, index[:, i]) * weights[:, i, None] for i in range(3)])

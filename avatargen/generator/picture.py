@@ -10,6 +10,7 @@ there can be, and without it all are asked.
 Letters: B pictures, r raw size, S final size, P rays, K features, N points, Q chosen ones.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -21,16 +22,19 @@ from torch import Tensor
 
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import Body, pose_canonically
-from avatargen.generator.camera import Camera, rays
+from avatargen.generator.camera import Camera, camera_of_vector, rays
 from avatargen.generator.closest import Surfaces, Topology, closest_on, surfaces_of, topology_of
 from avatargen.generator.config import RenderConfig
 from avatargen.generator.decoder import BodyPoints, PartLayers, attach_gradient, body_points
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.generator.layers import may_branch, without_autocast
 from avatargen.generator.posing import PosedBodies, Posing, posing_of
 from avatargen.generator.renderer import Rendering, Samples, composite
 from avatargen.generator.shell import Shell, shell_around, shell_samples
 
 BACKGROUND = 1.0  # white
+SPARE, ROUND = 1.03, 64  # of room: times what was found, up to whole groups
+MOST_SURVEYED, SURVEYED = 8192, 16  # labels, in all and at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +76,7 @@ class BodySurface:
         passes gradients on to the points.
         """
         shape, count = points.shape[:2], len(self.vertices)
-        if points.device.type == "cpu":
+        if may_branch(points):
             parts = points.detach().reshape(count, -1, 3).numpy()
             hits = [tree.query(part) for tree, part in zip(self.trees, parts, strict=True)]
             found = [body_points(hit, self.topology.faces) for hit in hits]
@@ -135,7 +139,7 @@ class People:
     @cached_property
     def parts(self) -> "list[People]":
         """Those that are best rendered together: on the CPU one by one, elsewhere all."""
-        if self.w.device.type != "cpu" or len(self) == 1:
+        if not may_branch(self.w) or len(self) == 1:
             return [self]
         layers = zip(*(part.of_each(len(self)) for part in self.layers), strict=True)
         return [self.one(i, own) for i, own in enumerate(layers)]
@@ -186,7 +190,7 @@ def make_people(
     """Pose everybody's body. The pose and shape that pictures show carry no gradient. Networks made for fewer
     directions of shape than the body has are told the first of them."""
     told = (0, generator.config.shape_count - betas.shape[1])
-    with torch.autocast(w.device.type, enabled=False):
+    with without_autocast(w.device):
         layers = generator.layers(w)
     return People(
         w=w,
@@ -208,7 +212,7 @@ def picture_people(
 ) -> Picture:
     """A picture of each person by a camera each; `seeds` place the samples, see `take_picture`."""
     size = generator.config.render.raw_size
-    with torch.autocast(people.w.device.type, enabled=False):  # distances need all their digits
+    with without_autocast(people.w.device):
         every = rays(camera, size)
         seen, first = [], 0
         for part in people.parts:
@@ -251,8 +255,9 @@ def render(
     asked = (rows(points, near), rows(canonical, near), rows(nearest, near))
     sdf, features = field_of_people(generator, people, *asked)
     # beyond the shell there is nothing but distance
-    distance = away.to(sdf).scatter(1, near, torch.where(rows(within, near), sdf, rows(away, near).to(sdf)))
-    features = spread_out(features, near, points.shape[1])
+    in_reach = rows(within, near)
+    distance = away.to(sdf).scatter(1, near, torch.where(in_reach, sdf, rows(away, near).to(sdf)))
+    features = spread_out(torch.where(in_reach[..., None], features, 0.0), near, points.shape[1])
     shape = samples.depth.shape
     every = features.unflatten(1, shape[1:])
     seen = composite(distance.view(shape), every, samples, rows(far, hit), generator.density)
@@ -263,13 +268,43 @@ def render(
     )
 
 
+@torch.no_grad()
+def survey(
+    settings: RenderConfig,
+    surface: CanonicalSurface,
+    labels: tuple[Float[Tensor, "N 25"], Float[Tensor, "N J 3"], Float[Tensor, "N b"]],
+    device: torch.device,
+) -> Room:
+    """The most that a picture of these cameras, poses and betas takes, and some; of many labels a part of
+    them is asked. Samples stand in the middle of their bins.
+    """
+    count = len(labels[0])
+    asked = torch.linspace(0, count - 1, min(count, MOST_SURVEYED)).long()
+    most = torch.zeros(2, dtype=torch.long, device=device)
+    for some in asked.split(SURVEYED):
+        camera, poses, betas = (part[some].to(device) for part in labels)
+        posed = surface.posing(device)(betas, poses)
+        shell = shell_around(posed.vertices, settings.shell)
+        origin, direction = rays(camera_of_vector(camera), settings.raw_size)
+        samples, _ = shell_samples(shell, origin, direction, settings.samples)
+        meets = samples.length.any(dim=2)
+        points = origin[:, :, None] + samples.depth[..., None] * direction[:, :, None]
+        within = posed.nearest(points.flatten(1, 2))[0][..., 0] < settings.shell
+        near = (within.view_as(samples.depth) & meets[..., None]).sum(dim=(1, 2))
+        most = torch.maximum(most, torch.stack([meets.sum(dim=1).amax(), near.amax()]))
+    hit, near = most.tolist()
+    every = settings.raw_size**2
+    hit = min(every, math.ceil(hit * SPARE / ROUND) * ROUND)
+    return Room(rays=hit, samples=min(hit * settings.samples, math.ceil(near * SPARE / ROUND) * ROUND))
+
+
 def chosen(wanted: Bool[Tensor, "B N"], room: int | None) -> Int64[Tensor, "B Q"]:
     """Columns of what is wanted in each row, in order, and of others where a row wants fewer than `room`.
 
     Without room it is the largest count of a row, on the CPU; elsewhere all columns.
     """
     count = wanted.shape[1]
-    if wanted.device.type == "cpu":
+    if may_branch(wanted):
         room = int(wanted.sum(dim=1).amax())
     elif room is None:
         return torch.arange(count, device=wanted.device).expand(len(wanted), -1)

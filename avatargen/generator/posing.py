@@ -20,6 +20,7 @@ from torch import Tensor
 from avatargen.body.model import Body, pose_canonically
 from avatargen.body.skinning import MINIMUM_DETERMINANT, blend
 from avatargen.errors import InputError
+from avatargen.generator.layers import may_branch, without_autocast
 from avatargen.generator.nearest import by_trees, nearest_vertices
 
 AT_VERTEX = 1e-9  # metres; keeps inverse distances finite
@@ -42,7 +43,7 @@ class PosedBodies:
     ) -> tuple[Float[Tensor, "B N K"], Int[Tensor, "B N K"]]:
         """Distances to the nearest vertices and which these are, the nearest first; without gradients."""
         points = points.detach()
-        if points.device.type == "cpu":
+        if may_branch(points):
             return by_trees(self.trees, points, count)
         return nearest_vertices(points, self.vertices, count)
 
@@ -91,7 +92,7 @@ class Posing:
 
     def __call__(self, betas: Float[Tensor, "B b"], poses: Float[Tensor, "B J 3"]) -> PosedBodies:
         """Shape and pose bodies, without gradients. Fewer betas than directions: the rest are zero."""
-        with torch.no_grad(), torch.autocast(betas.device.type, enabled=False):
+        with torch.no_grad(), without_autocast(betas.device):
             return self.posed(betas.double(), poses.double())
 
     def posed(self, betas: Float64[Tensor, "B b"], poses: Float64[Tensor, "B J 3"]) -> PosedBodies:

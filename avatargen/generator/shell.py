@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from avatargen.generator.draws import uniform
+from avatargen.generator.layers import may_branch
 from avatargen.generator.renderer import Samples, box_interval, segments
 
 CELL = 0.03  # metres
@@ -27,19 +28,13 @@ FAR = 10_000  # squared cells
 class Shell:
     """Marked cubes: every point within reach of a body vertex lies in one, and few others do."""
 
-    origin: Float[Tensor, "B 3"]
+    box: Float[Tensor, "2 B 3"]  # low corners and high, a whole number of cubes apart
     marked: Bool[Tensor, "B x y z"]
-
-    @property
-    def box(self) -> Float[Tensor, "2 B 1 3"]:
-        sizes = [CELL * count for count in self.marked.shape[1:]]
-        high = torch.stack([self.origin[:, axis] + size for axis, size in enumerate(sizes)], dim=1)
-        return torch.stack([self.origin, high])[:, :, None]
 
     def holds(self, points: Float[Tensor, "B *some 3"]) -> Bool[Tensor, "B *some"]:
         """Which points lie in marked cubes; points outside the box do not."""
         flat = points.flatten(1, -2)
-        cell = ((flat - self.origin[:, None]) / CELL).floor()
+        cell = ((flat - self.box[0, :, None]) / CELL).floor()
         place = torch.zeros((), dtype=torch.long, device=points.device)
         within = torch.ones((), dtype=torch.bool, device=points.device)
         for axis, count in enumerate(self.marked.shape[1:]):
@@ -57,8 +52,9 @@ def shell_around(vertices: Float[Tensor, "B V 3"], reach: float) -> Shell:
     """
     margin = reach + 2 * CELL
     origin = vertices.amin(dim=1) - margin
-    if vertices.device.type == "cpu":
-        counts = ((vertices.amax(dim=1) + margin - origin) / CELL).amax(dim=0).ceil().long().tolist()
+    cells = ((vertices.amax(dim=1) + margin - origin) / CELL).ceil()
+    if may_branch(vertices):
+        counts = cells.amax(dim=0).long().tolist()
     else:
         counts = [math.ceil((SPAN + 2 * margin) / CELL)] * 3
     place = torch.zeros((), dtype=torch.long, device=vertices.device)
@@ -70,7 +66,7 @@ def shell_around(vertices: Float[Tensor, "B V 3"], reach: float) -> Shell:
     radius = reach / CELL + math.sqrt(3)
     for axis in (1, 2, 3):
         squared = spread(squared, axis, int(radius))
-    return Shell(origin=origin, marked=squared <= radius**2)
+    return Shell(box=torch.stack([origin, origin + cells * CELL]), marked=squared <= radius**2)
 
 
 def spread(squared: Tensor, axis: int, reach: int) -> Tensor:
@@ -94,7 +90,7 @@ def shell_samples(
 
     One in each bin, at random with seeds, in the middle without. Lengths are 0 on a ray that misses.
     """
-    near, far = box_interval(origin, direction, shell.box)
+    near, far = box_interval(origin, direction, shell.box[:, :, None])
     step = (far - near) / STEPS
     middle = near[..., None] + (torch.arange(STEPS, device=origin.device) + 0.5) * step[..., None]
     points = origin[:, :, None] + middle[..., None] * direction[:, :, None]

@@ -73,7 +73,7 @@ def timed(
     started = time.process_time()
     around = shell_around(person.posed.vertices, settings.shell)
     if not shell:
-        around = Shell(origin=around.origin, marked=torch.ones_like(around.marked))
+        around = Shell(box=around.box, marked=torch.ones_like(around.marked))
     seen = render(generator, person, view, None, settings=settings, shell=around)
     return seen, time.process_time() - started
 

@@ -11,8 +11,8 @@ Letters: B pictures of a process.
 import json
 import math
 import time
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -38,7 +38,7 @@ from avatargen.training.adversarial_state import (
     restore,
     save_state,
 )
-from avatargen.training.batches import Batch, batches, to_device
+from avatargen.training.batches import Batch, batches, split, to_device
 from avatargen.training.best_snapshot import Watch, snapshot_path, watch_snapshot
 from avatargen.training.losses import discriminator_loss, generator_loss, r1_penalty
 from avatargen.training.picture_model import Generated, PictureModel
@@ -55,11 +55,11 @@ class Run:
     config: AdversarialConfig
     accelerator: "Accelerator"
 
-    def autocast(self) -> torch.autocast:
+    def autocast(self) -> AbstractContextManager:
         """The precision of the networks' operations; without a scaler of accelerate's, as `State` has one."""
         name = self.config.precision
         half = torch.float16 if name == "fp16" else torch.bfloat16
-        return torch.autocast(self.accelerator.device.type, half, enabled=name != "no")
+        return nullcontext() if name == "no" else torch.autocast(self.accelerator.device.type, half)
 
 
 def train(
@@ -86,6 +86,8 @@ def train(
         raise TrainingError(
             f"train: the labels in {pictures.folder} are of another body; name it with --body"
         )
+    if accelerator.device.type == "cuda":
+        torch.set_float32_matmul_precision("high")  # of the networks; geometry multiplies no matrices
     run = Run(config=config, accelerator=accelerator)
     main, share = accelerator.is_main_process, share_of_process(config, accelerator)
     if main:
@@ -115,7 +117,8 @@ def continue_to_end(
     config, device, main = run.config, run.accelerator.device, run.accelerator.is_main_process
     board = tensorboard(out, state.images) if main else None
     started, first, steps = time.monotonic(), state.images, []
-    with closing(batches(pictures, config, state.generator, first // config.batch, share)) as coming:
+    room = state.generator.survey(pictures.row(torch.arange(len(pictures))))
+    with closing(batches(pictures, config, state.generator, first // config.batch, share, room)) as coming:
         while state.images < config.images:
             step = state.images // config.batch
             steps.append(step_once(state, run, to_device(next(coming), device), step))
@@ -163,62 +166,65 @@ def share_of_process(config: AdversarialConfig, accelerator: "Accelerator") -> s
 
 
 def step_once(state: State, run: Run, batch: Batch, step: int) -> dict[str, Float[Tensor, ""]]:
-    """One step of both networks on the same generated pictures; returns the numbers of the log."""
+    """One step of both networks on the same generated pictures; returns the numbers of the log.
+
+    A batch that is worked on in parts is generated twice, so that one part's graph is kept at a time.
+    """
     config = run.config
     sigma = config.variety.blur * max(0.0, 1 - state.images / config.variety.blur_fade)
-    with run.autocast():
-        fake = state.generator.generate(batch.asked)
+    parts = split(batch, config.at_once or len(batch.real))
+    with run.autocast(), torch.set_grad_enabled(len(parts) == 1):
+        fakes = [state.generator.generate(part.asked) for part in parts]
     lazy = step % config.losses.r1_every == 0
-    numbers = improve_discriminator(state, run, batch, fake.picture, sigma, lazy=lazy)
+    judged = discriminator_terms(state, run, parts, [fake.picture for fake in fakes], sigma, lazy=lazy)
+    numbers = descend(judged, "discriminator", state, run)
     state.discriminator.requires_grad_(False)  # the generator's step wants no gradients of its judge
-    numbers |= improve_generator(state, run, batch, fake, sigma)
+    numbers |= descend(generator_terms(state, run, parts, fakes, sigma), "generator", state, run)
     state.discriminator.requires_grad_(True)
     state.scaler.update()
     state.images += config.batch
     update_average(state, config)
-    return numbers
+    return numbers | state.generator.numbers()
 
 
-def improve_discriminator(
-    state: State, run: Run, batch: Batch, fake: Picture, sigma: float, *, lazy: bool
-) -> dict[str, Float[Tensor, ""]]:
-    """One step of the discriminator, now and then with R1."""
-    size, weights = fake.raw.shape[-1], run.config.losses
-    real_raw = F.interpolate(batch.real, size=(size, size), mode="area")
-    with run.autocast():
-        on_fake = judge(state.discriminator, fake.image.detach(), fake.raw.detach(), batch.label, sigma)
-        on_real = judge(state.discriminator, batch.real, real_raw, batch.real_label, sigma)
-    loss = discriminator_loss(on_fake.float(), on_real.float())
-    numbers = {
-        "discriminator": loss.detach(),
-        "real_logit": on_real.detach().mean(),
-        "fake_logit": on_fake.detach().mean(),
-    }
-    if lazy:
-        ratio = size / batch.real.shape[-1]
-        penalty = r1_penalty(
-            state.discriminator, blur(batch.real, sigma), blur(real_raw, sigma * ratio), batch.real_label
-        )
-        loss = loss + penalty * weights.r1 * weights.r1_every
-    numbers["discriminator_gradient"] = descend(loss, "discriminator", state, run)
-    return numbers
+def discriminator_terms(
+    state: State, run: Run, parts: list[Batch], fakes: list[Picture], sigma: float, *, lazy: bool
+) -> Iterator[tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]]:
+    """The discriminator's loss on each part of a batch, now and then with R1, and the numbers of the log."""
+    for batch, fake in zip(parts, fakes, strict=True):
+        size, weights = fake.raw.shape[-1], run.config.losses
+        real_raw = F.interpolate(batch.real, size=(size, size), mode="area")
+        with run.autocast():
+            on_fake = judge(state.discriminator, fake.image.detach(), fake.raw.detach(), batch.label, sigma)
+            on_real = judge(state.discriminator, batch.real, real_raw, batch.real_label, sigma)
+        loss = discriminator_loss(on_fake.float(), on_real.float())
+        numbers = {
+            "discriminator": loss.detach(),
+            "real_logit": on_real.detach().mean(),
+            "fake_logit": on_fake.detach().mean(),
+        }
+        if lazy:
+            ratio = size / batch.real.shape[-1]
+            penalty = r1_penalty(
+                state.discriminator, blur(batch.real, sigma), blur(real_raw, sigma * ratio), batch.real_label
+            )
+            loss = loss + penalty * weights.r1 * weights.r1_every
+        yield loss, numbers
 
 
-def improve_generator(
-    state: State, run: Run, batch: Batch, fake: Generated, sigma: float
-) -> dict[str, Float[Tensor, ""]]:
-    """One step of the generator, by the discriminator and by its own losses."""
-    with run.autocast():
-        logits = judge(state.discriminator, fake.picture.image, fake.picture.raw, batch.label, sigma)
-    adversarial = generator_loss(logits.float())
-    own = fake.losses()
-    norm = descend(torch.stack([adversarial, *own.values()]).sum(), "generator", state, run)
-    return {
-        "generator": adversarial.detach(),
-        **{name: loss.detach() for name, loss in own.items()},
-        **state.generator.numbers(),
-        "generator_gradient": norm,
-    }
+def generator_terms(
+    state: State, run: Run, parts: list[Batch], fakes: list[Generated], sigma: float
+) -> Iterator[tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]]:
+    """The generator's loss on each part of a batch, by the discriminator and by its own losses, and the
+    numbers of the log."""
+    for batch, fake in zip(parts, fakes, strict=True):
+        with run.autocast():
+            seen = fake if len(parts) == 1 else state.generator.generate(batch.asked)
+            logits = judge(state.discriminator, seen.picture.image, seen.picture.raw, batch.label, sigma)
+        adversarial = generator_loss(logits.float())
+        own = seen.losses()
+        numbers = {"generator": adversarial.detach(), **{name: loss.detach() for name, loss in own.items()}}
+        yield torch.stack([adversarial, *own.values()]).sum(), numbers
 
 
 def judge(
@@ -242,21 +248,30 @@ def blur(picture: Float[Tensor, "B 3 S S"], sigma: float) -> Float[Tensor, "B 3 
 
 
 def descend(
-    loss: Float[Tensor, ""], name: Literal["generator", "discriminator"], state: State, run: Run
-) -> Float[Tensor, ""]:
-    """One step of a network down a loss whose gradients are averaged over the processes; returns their norm.
+    terms: Iterator[tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]],
+    name: Literal["generator", "discriminator"],
+    state: State,
+    run: Run,
+) -> dict[str, Float[Tensor, ""]]:
+    """One step of a network down the mean loss of a batch's parts, whose gradients are averaged over the
+    processes; returns the numbers of the log, the gradients' norm among them.
 
     In fp16 a step whose gradients overflow is left out, and the next one scales them less.
     """
     network, optimizer = getattr(state, name), getattr(state, f"{name}_optimizer")
     optimizer.zero_grad(set_to_none=True)
-    state.scaler.scale(loss).backward()
+    count = run.config.batch // run.accelerator.num_processes
+    share = (run.config.at_once or count) / count
+    numbers: dict[str, Tensor] = {}
+    for loss, own in terms:
+        state.scaler.scale(loss * share).backward()
+        numbers = {key: numbers.get(key, 0) + value * share for key, value in own.items()}
     gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
     share_gradients(gradients, run)
     state.scaler.unscale_(optimizer)
-    norm = nn.utils.get_total_norm(gradients)
+    numbers[f"{name}_gradient"] = nn.utils.get_total_norm(gradients)
     state.scaler.step(optimizer)
-    return norm
+    return numbers
 
 
 def look(

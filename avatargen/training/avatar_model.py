@@ -21,7 +21,8 @@ from avatargen.generator.config import GeneratorConfig, for_body
 from avatargen.generator.decoder import fit_reach
 from avatargen.generator.density import Density
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, People, make_people, picture_people
+from avatargen.generator.layers import may_branch
+from avatargen.generator.picture import CanonicalSurface, People, Room, make_people, picture_people, survey
 from avatargen.training.adversarial_config import NETWORKS, AdversarialConfig, LossConfig, OptimizerConfig
 from avatargen.training.losses import geometry_losses
 from avatargen.training.picture_model import Asked, Generated, PictureModel
@@ -65,6 +66,12 @@ class AvatarModel(PictureModel):
             "minimal_surface": weights.minimal_surface * shape.minimal_surface,
             "smpl": weights.smpl * shape.smpl,
         }
+
+    def survey(self, labels: tuple[Tensor, Tensor, Tensor]) -> Room | None:
+        place = self.networks.density.p
+        if may_branch(place):
+            return None
+        return survey(self.networks.config.render, self.surface, labels, place.device)
 
     def settings(self) -> dict[str, Any]:
         return dataclasses.asdict(self.networks.config)

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from avatargen.data.dataset import Pictures
+from avatargen.generator.picture import Room
 from avatargen.training.adversarial_config import AdversarialConfig
 from avatargen.training.picture_model import Asked, PictureModel
 
@@ -36,9 +37,14 @@ class Batch:
 
 
 def draw_batch(
-    pictures: Pictures, config: AdversarialConfig, model: PictureModel, step: int, share: slice
+    pictures: Pictures,
+    config: AdversarialConfig,
+    model: PictureModel,
+    step: int,
+    share: slice,
+    room: Room | None = None,
 ) -> Batch:
-    """The batch of a step, or a process's share of it; on the CPU."""
+    """The batch of a step, or a process's share of it; on the CPU. `room` is from the model's survey."""
     random = torch.Generator().manual_seed((config.seed * 1_000_000_007 + step) % 2**63)
     B = config.batch
     real, asked, swapped = pictures.choose((3, B), random)
@@ -62,18 +68,24 @@ def draw_batch(
             pose=pose,
             betas=betas,
             seeds=seeds,
+            room=room,
         ),
     )
 
 
 def batches(
-    pictures: Pictures, config: AdversarialConfig, model: PictureModel, first: int, share: slice
+    pictures: Pictures,
+    config: AdversarialConfig,
+    model: PictureModel,
+    first: int,
+    share: slice,
+    room: Room | None = None,
 ) -> Generator[Batch, None, None]:
     """The batches from step `first` on; a thread draws the next one while one is in use."""
     with ThreadPoolExecutor(1) as ahead:
 
         def begin(step: int) -> Any:
-            return ahead.submit(lambda: pinned(draw_batch(pictures, config, model, step, share)))
+            return ahead.submit(lambda: pinned(draw_batch(pictures, config, model, step, share, room)))
 
         step, coming = first, begin(first)
         while True:
@@ -90,6 +102,12 @@ def pinned(batch: Batch) -> Batch:
 def to_device(batch: Batch, device: torch.device) -> Batch:
     """The same on a device, without waiting for the copies."""
     return map_tensors(batch, lambda tensor: tensor.to(device, non_blocking=True))
+
+
+def split(batch: Batch, size: int) -> list[Batch]:
+    """The batch in parts of so many pictures."""
+    places = [slice(first, first + size) for first in range(0, len(batch.real), size)]
+    return [map_tensors(batch, lambda tensor, own=own: tensor[own]) for own in places]
 
 
 def map_tensors(batch: Batch, change: Any) -> Batch:

@@ -69,6 +69,12 @@ class PictureModel(nn.Module, ABC):
         """Parameters with their learning rates, as optimisers take them."""
         return [{"params": list(self.parameters()), "lr": config.generator_rate}]
 
+    def survey(self, labels: tuple[Tensor, Tensor, Tensor]) -> Room | None:
+        """What pictures of a set's cameras [N 25], poses [N J 3] and betas [N b] take at most, for a model
+        that needs to know. Asked once a run.
+        """
+        return None
+
     def numbers(self) -> dict[str, Float[Tensor, ""]]:
         """What the log tells of the model beside its losses."""
         return {}

@@ -124,18 +124,21 @@ def run(options: Options) -> None:
     accelerator = accelerator_for(config)
     watched = options.snapshot_pictures and accelerator.is_main_process
     body, start = training_body(options.body), load_checkpoint(path) if path else None
-    train(
-        config,
+    model = (
         avatar_model(config, body, start)
         if options.model == "avatargen"
-        else new_baseline(options.model, config, body),
+        else new_baseline(options.model, config, body)
+    )
+    train(
+        config,
+        model,
         pictures,
         body,
         options.out,
         accelerator,
         lambda line: print(line, flush=True),
         start.weights_hash if start else "random weights",
-        watch(pictures, body, options.snapshot_pictures, config.render.raw_size) if watched else None,
+        watch(pictures, body, options.snapshot_pictures, model.render.raw_size) if watched else None,
     )
     if accelerator.is_main_process:
         print(options.out / "generator.safetensors")
