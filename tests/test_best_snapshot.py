@@ -12,7 +12,7 @@ from torch.nn.utils import parameters_to_vector
 
 from avatargen.data.dataset import open_pictures
 from avatargen.errors import InputError
-from avatargen.metrics.evaluate import evaluate
+from avatargen.metrics.evaluate import examine, set_exam
 from avatargen.metrics.joints import RIDGE_POSE, ridge_judge
 from avatargen.metrics.judges import BUILT_IN, Judges
 from avatargen.metrics.shown import ShowConfig
@@ -128,7 +128,8 @@ def test_measuring_changes_no_training_and_says_what_an_evaluation_says(
     model.load_state_dict(a["average"])
     judges = Judges(features=(BUILT_IN,), joints=ridge_judge(pictures, BODY, 400))
     shown = ShowConfig(pictures=20, turned=10, reposed=0)
-    report = evaluate(model.eval().requires_grad_(False), pictures, pictures, BODY, judges, shown)
+    exam = set_exam(pictures, pictures, BODY, judges, shown, CONFIG.render.raw_size)
+    report = examine(model.eval().requires_grad_(False), exam)
     assert {name: number.value for name, number in report.numbers.items()} == pytest.approx(measured[1])
 
 

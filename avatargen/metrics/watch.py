@@ -7,12 +7,10 @@ those.
 
 from avatargen.body.model import Body
 from avatargen.data.dataset import Pictures
-from avatargen.metrics.evaluate import measure
+from avatargen.metrics.evaluate import examine, set_exam
 from avatargen.metrics.joints import ridge_judge
 from avatargen.metrics.judges import BUILT_IN, Judges
-from avatargen.metrics.report import measured
-from avatargen.metrics.shown import ShowConfig, choose_labels, show
-from avatargen.metrics.truth import gather_truth
+from avatargen.metrics.shown import ShowConfig
 from avatargen.training.best_snapshot import Watch
 from avatargen.training.picture_model import PictureModel
 
@@ -29,10 +27,9 @@ def watch(pictures: Pictures, body: Body, count: int, raw_size: int) -> Watch:
     """
     config = ShowConfig(pictures=count, turned=count // 2, reposed=0)
     judges = Judges(features=(BUILT_IN,), joints=ridge_judge(pictures, body, REFERENCES))
-    truth = gather_truth(pictures, pictures, body, choose_labels(pictures, config), judges, raw_size)
+    exam = set_exam(pictures, pictures, body, judges, config, raw_size)
 
-    def numbers(model: PictureModel) -> dict[str, float]:
-        found = measured(measure(show(model, pictures, config), truth, judges))
-        return {name: number.value for name, number in found.items()}
+    def measure(model: PictureModel) -> dict[str, float]:
+        return {name: number.value for name, number in examine(model, exam).numbers.items()}
 
-    return Watch(pictures=count, measure=numbers)
+    return Watch(pictures=count, measure=measure)
