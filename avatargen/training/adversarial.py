@@ -39,14 +39,13 @@ from avatargen.training.adversarial_state import (
     save_state,
 )
 from avatargen.training.batches import Batch, batches, split, to_device
+from avatargen.training.best_snapshot import Watch, snapshot_path, watch_snapshot
 from avatargen.training.losses import discriminator_loss, generator_loss, r1_penalty
 from avatargen.training.picture_model import Generated, PictureModel
-from avatargen.training.snapshot import picture_grid, tensorboard
+from avatargen.training.snapshot import Board, picture_grid, tensorboard
 
 if TYPE_CHECKING:
     from accelerate import Accelerator
-
-SNAPSHOTS = "snapshots"  # folder of a run's averaged weights, each named by the pictures shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,10 +71,12 @@ def train(
     accelerator: "Accelerator",
     report: Callable[[str], None],
     start: str = "random weights",
+    watch: Watch | None = None,
 ) -> PictureModel:
     """Run, or continue, the training of a fresh model in folder `out`; returns it with averaged weights.
 
-    `start` names the weights that the model begins with. `report` takes progress lines.
+    `start` names the weights that the model begins with. `report` takes progress lines. `watch` measures
+    snapshots, of which the best is kept by name.
 
     Raises:
         TrainingError: gradients are not finite or explode, or the pictures' labels are of another body.
@@ -99,12 +100,18 @@ def train(
         cut_log(out / "log.jsonl", "images", state.images, "train")
     if main and state.images == 0:
         keep_weights(state, run, pictures, out)
-    continue_to_end(state, run, pictures, out, share, report)
+    continue_to_end(state, run, pictures, out, share, report, watch)
     return state.average
 
 
 def continue_to_end(
-    state: State, run: Run, pictures: Pictures, out: Path, share: slice, report: Callable[[str], None]
+    state: State,
+    run: Run,
+    pictures: Pictures,
+    out: Path,
+    share: slice,
+    report: Callable[[str], None],
+    watch: Watch | None,
 ) -> None:
     """Step to the end, with lines of the log and snapshots on the way."""
     config, device, main = run.config, run.accelerator.device, run.accelerator.is_main_process
@@ -126,12 +133,10 @@ def continue_to_end(
                 write_line(lines[-1], out, board)
                 report(summarize(lines[-1], config, speed))
             if main and due:
-                snapshot(state, run, pictures, out)
+                snapshot(state, run, pictures, out, watch, board)
 
 
-def write_line(
-    line: dict[str, float | int], out: Path, board: Callable[[dict[str, float | int]], None] | None
-) -> None:
+def write_line(line: dict[str, float | int], out: Path, board: Board | None) -> None:
     with (out / "log.jsonl").open("a") as log:
         log.write(json.dumps(line) + "\n")
     if board:
@@ -315,11 +320,18 @@ def update_average(state: State, config: AdversarialConfig) -> None:
         kept.lerp_(new, 1 - keep)
 
 
-def snapshot(state: State, run: Run, pictures: Pictures, out: Path) -> None:
-    """Write the averaged generator, a picture grid and, last, the state to continue from."""
+def snapshot(
+    state: State, run: Run, pictures: Pictures, out: Path, watch: Watch | None, board: Board | None
+) -> None:
+    """Write the averaged generator, a picture grid, whether it is the best and, last, the state to continue
+    from.
+    """
     write_atomically(out / "generator.safetensors", keep_weights(state, run, pictures, out).read_bytes())
     grid = out / "pictures" / f"{state.images:09d}.png"
     picture_grid(state.average, pictures, run.accelerator.device, grid)
+    numbers = watch_snapshot(watch, state.average, state.images, out) if watch else {}
+    if board and numbers:
+        board({"images": state.images} | {f"snapshot/{name}": value for name, value in numbers.items()})
     save_state(state, out / "state.pt")
 
 
@@ -330,7 +342,7 @@ def keep_weights(state: State, run: Run, pictures: Pictures, out: Path) -> Path:
     z = torch.randn(1024, state.average.z_size, generator=random)
     camera, _, _ = pictures.row(torch.randint(len(pictures), (1024,), generator=random))
     state.average.settle(z.to(device), camera.to(device))
-    path = out / SNAPSHOTS / f"{state.images:09d}.safetensors"
+    path = snapshot_path(out, state.images)
     path.parent.mkdir(exist_ok=True)
     state.average.save(path, {"training": f"adversarial, {state.images} pictures"})
     return path

@@ -15,6 +15,7 @@ from avatargen.atomic import write_atomically
 from avatargen.data.dataset import Pictures
 from avatargen.training.picture_model import Asked, PictureModel
 
+Board = Callable[[dict[str, float | int]], None]  # takes numbers by name, `images` among them
 PEOPLE, LABELS = 4, 6  # rows and columns
 
 
@@ -51,7 +52,7 @@ def side_by_side(images: Tensor) -> UInt8[np.ndarray, "S W 3"]:
     return pixels.flatten(1, 2).numpy()
 
 
-def tensorboard(out: Path, images: int) -> Callable[[dict[str, float | int]], None] | None:
+def tensorboard(out: Path, images: int) -> Board | None:
     """A function that adds a line of the log to the curves; none where TensorBoard is not installed."""
     if importlib.util.find_spec("tensorboard") is None:
         return None

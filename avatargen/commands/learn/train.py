@@ -34,6 +34,7 @@ class Options:
     start_from: str | None
     body: Path | None
     training: AdversarialConfig
+    snapshot_pictures: int
     dry_run: bool
 
 
@@ -54,6 +55,7 @@ def parse(words: list[str]) -> Options:
         start_from: str | None = None,
         body: Path | None = None,
         training: AdversarialConfig = chosen,
+        snapshot_pictures: int = 100,
         dry_run: bool = False,
     ) -> Options:
         """Learn people from pictures, adversarially. Run the same command again to resume.
@@ -66,6 +68,8 @@ def parse(words: list[str]) -> Options:
                 same size.
             start_from: Weights to begin with: a file, or `shipped` for those of the package.
             body: The body that the labels are of, where it is not the shipped one.
+            snapshot_pictures: How many pictures each snapshot is measured by, 20 or more; 0: none, and
+                no best one is kept.
             dry_run: Print the settings and stop.
         """
         return Options(
@@ -76,6 +80,7 @@ def parse(words: list[str]) -> Options:
             start_from=start_from,
             body=body,
             training=training,
+            snapshot_pictures=snapshot_pictures,
             dry_run=dry_run,
         )
 
@@ -103,6 +108,7 @@ def run(options: Options) -> None:
     from avatargen.data.dataset import open_pictures
     from avatargen.extras import require_extra
     from avatargen.generator.checkpoint import load_checkpoint
+    from avatargen.metrics.watch import watch
     from avatargen.training.adversarial import train
     from avatargen.training.avatar_model import avatar_model
 
@@ -116,18 +122,23 @@ def run(options: Options) -> None:
     pictures = open_pictures(options.data, config.render.image_size)
     path = shipped("generator.safetensors") if options.start_from == "shipped" else options.start_from
     accelerator = accelerator_for(config)
+    watched = options.snapshot_pictures and accelerator.is_main_process
     body, start = training_body(options.body), load_checkpoint(path) if path else None
-    train(
-        config,
+    model = (
         avatar_model(config, body, start)
         if options.model == "avatargen"
-        else new_baseline(options.model, config, body),
+        else new_baseline(options.model, config, body)
+    )
+    train(
+        config,
+        model,
         pictures,
         body,
         options.out,
         accelerator,
         lambda line: print(line, flush=True),
         start.weights_hash if start else "random weights",
+        watch(pictures, body, options.snapshot_pictures, model.render.raw_size) if watched else None,
     )
     if accelerator.is_main_process:
         print(options.out / "generator.safetensors")
