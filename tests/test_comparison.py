@@ -179,7 +179,7 @@ def test_pictures_come_back_as_they_were(tmp_path: Path):
     write_shown(tmp_path, one)
     again = read_shown(tmp_path)
     assert again is not None and np.array_equal(again.shown.first.image, one.shown.first.image)
-    (tmp_path / "shown" / "first-depth.png").write_bytes(b"nothing")
+    (tmp_path / "shown" / "first-depth").write_bytes(b"nothing")
     with pytest.raises(InputError, match="damaged"):
         read_shown(tmp_path)
 
