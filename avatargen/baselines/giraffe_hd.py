@@ -52,7 +52,7 @@ class GiraffeHDConfig(BaselineConfig):
 
     scene: MappingConfig = field(default_factory=MappingConfig)  # of the background, which is told no label
     frequencies: int = 6
-    width: int = 64
+    width: int = 128
     depth: int = 4  # layers of the foreground's field
     behind_width: int = 32
     behind_features: int = 8
@@ -211,11 +211,11 @@ SIZES = {
         behind_features=4,
     ),
     "shipped": GiraffeHDConfig(
-        mapping=told(z_size=80, features=128, width=1024, layers=4),
+        mapping=told(z_size=80, features=128, width=1280, layers=4),
         scene=told(z_size=80, features=0, width=64, layers=2),
     ),
     "gpu": GiraffeHDConfig(
-        mapping=told(z_size=80, features=128, width=1024, layers=4),
+        mapping=told(z_size=80, features=128, width=1536, layers=4),
         scene=told(z_size=80, features=0, width=64, layers=2),
         features=64,
     ),

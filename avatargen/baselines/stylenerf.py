@@ -54,7 +54,7 @@ class StyleNeRFConfig(BaselineConfig):
     """The MLP, the styled layers and the path's regularisation."""
 
     frequencies: int = 6
-    width: int = 64
+    width: int = 128
     depth: int = 3  # layers of the field
     late: int = 64  # channels of the layers after rendering
     opacity: float = 0.05  # metres within which a density of one unit stops most light
@@ -183,9 +183,9 @@ SIZES = {
         late=16,
         pixels=8,
     ),
-    "shipped": StyleNeRFConfig(mapping=told(z_size=80, features=128, width=1024, layers=4), features=64),
+    "shipped": StyleNeRFConfig(mapping=told(z_size=80, features=128, width=1280, layers=4), features=64),
     "gpu": StyleNeRFConfig(
-        mapping=told(z_size=80, features=128, width=1024, layers=4), features=128, late=256, depth=4
+        mapping=told(z_size=80, features=128, width=1536, layers=4), features=128, late=256, depth=4
     ),
     "paper": StyleNeRFConfig(
         mapping=told(z_size=512, features=512, width=1024, layers=8, learning_rate_multiplier=0.01),

@@ -45,7 +45,7 @@ SLENDER = (0.22, 0.62, 0.2)  # of the box of space: half the size of the box tha
 class StyleSDFConfig(BaselineConfig):
     """SIREN, sharpness and losses."""
 
-    width: int = 64
+    width: int = 128
     depth: int = 3  # layers before the distance
     alpha: float = 0.05  # metres, at the start
     residual_scale: float = 0.1  # metres per unit of the network's number
@@ -154,8 +154,8 @@ SIZES = {
     "debug": StyleSDFConfig(
         mapping=told(z_size=16, features=16, width=32, layers=2), features=8, width=16, depth=2, points=32
     ),
-    "shipped": StyleSDFConfig(mapping=told(z_size=80, features=128, width=1024, layers=4)),
-    "gpu": StyleSDFConfig(mapping=told(z_size=80, features=128, width=1024, layers=4), depth=4),
+    "shipped": StyleSDFConfig(mapping=told(z_size=80, features=128, width=1280, layers=4)),
+    "gpu": StyleSDFConfig(mapping=told(z_size=80, features=128, width=1536, layers=4), depth=4),
     "paper": StyleSDFConfig(
         mapping=told(z_size=256, features=256, width=1024, layers=8, learning_rate_multiplier=0.01),
         features=256,
