@@ -194,7 +194,7 @@ def test_a_method_can_draw_people_that_it_is_shown(name: str) -> None:
         optimizer.step()
         errors.append(float(error.detach()))
 
-    assert errors[-1] < 0.4 * errors[0]
+    assert errors[-1] < 0.5 * errors[0]
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Commands that need an extra say so in one line, before any work; the list of extras is pyproject's own."""
 
 import os
+import re
 import signal
 import tomllib
 from pathlib import Path
@@ -62,4 +63,4 @@ def test_a_cluster_without_ray_is_one_line(
 def test_every_library_is_in_the_extra_that_is_named() -> None:
     extras = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     for library, extra in EXTRA_OF.items():
-        assert library in {line.split(">")[0].replace("-", "_") for line in extras[extra]}
+        assert library in {re.split("[>=]", line)[0].replace("-", "_") for line in extras[extra]}

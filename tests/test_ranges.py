@@ -70,7 +70,7 @@ def test_no_setting_of_a_training_is_forgotten(config: object) -> None:
             "found samples 1, wanted 2",
         ),
         ("eval --weights w --data d --out f.json --measure.pictures 3", "3 pictures say nothing"),
-        ("eval --weights w --data d --out f.json --measure.samples 1", "found samples 1, wanted 2"),
+        ("eval --weights w --data d --out f.json --samples 1", "found samples 1, wanted 2"),
         ("eval rays --data d --out run --pictures 0", "found pictures 0, wanted 1"),
         ("eval ablations --data d --held-out h --out run --images 0", "found images 0, wanted 1"),
         ("bench --out run --grid.resolutions 4", "found resolutions 4, wanted 32 to 2048"),

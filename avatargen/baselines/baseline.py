@@ -16,27 +16,13 @@ from avatargen.baselines.config import BaselineConfig
 from avatargen.baselines.volume import Rays, box_rays
 from avatargen.generator.camera import camera_of_vector
 from avatargen.generator.density import Density
+from avatargen.generator.draws import uniform
 from avatargen.generator.mapping import Mapping
 from avatargen.training.adversarial_config import OptimizerConfig
 from avatargen.training.picture_model import Asked, PictureModel
 
-RAYS, RAYS_AGAIN, LOSS_POINTS, LOSS_SHIFTS, LOSS_PIXELS = range(5)  # streams of random numbers
-SHARPNESS_SHARE = 0.01  # of the rate, for a sharpness in metres
+RAYS, RAYS_AGAIN, LOSS_POINTS, LOSS_SHIFTS, LOSS_PIXELS, BEHIND = range(6)  # streams of random numbers
 CLEAR = 4.0  # an untrained network, whose numbers are about 0, lets half of the light through the box
-
-
-def uniform(seeds: Int64[Tensor, " B"], shape: tuple[int, ...], stream: int) -> Tensor:
-    """TEMPORARY until step's hash."""
-    n = 1
-    for s in shape:
-        n *= s
-    x = (
-        seeds[:, None] * 6364136223846793005
-        + (torch.arange(n, device=seeds.device) + stream * 1000003) * 1442695040888963407
-    )
-    for _ in range(2):
-        x = (x ^ (x >> 31)) * 7046029254386353131
-    return ((x >> 20) & 0xFFFFFF).float().div(1 << 24).unflatten(1, shape)
 
 
 def within_bins(
@@ -45,12 +31,7 @@ def within_bins(
     """Where in their bins samples of rays stand, 0..1: at random by seeds, in the middle without."""
     if seeds is None:
         return like.new_full((*like.shape, count), 0.5)
-    return uniform(seeds, (like.shape[1], count), stream)
-
-
-def full_precision(of: Tensor) -> torch.autocast:
-    """Depths and distances need all their digits."""
-    return torch.autocast(of.device.type, enabled=False)
+    return uniform(seeds, like.shape[1] * count, stream).unflatten(1, (like.shape[1], count))
 
 
 def seeds_of(asked: Asked) -> Int64[Tensor, " B"]:
@@ -69,6 +50,7 @@ class Baseline(PictureModel):
     """A mapping network that is told camera, pose and shape, a box of space, and a density."""
 
     name: ClassVar[str]  # of the method, as commands and files call it
+    shares: ClassVar[dict[str, float]] = {}  # of the rate, for parts that learn at less than the whole
     box: Tensor
 
     def __init__(self, config: BaselineConfig, density: Density) -> None:
@@ -100,7 +82,7 @@ class Baseline(PictureModel):
 
     def anywhere(self, seeds: Int64[Tensor, " B"], count: int) -> Float[Tensor, "B N 3"]:
         """Random points in the box."""
-        place = uniform(seeds, (count, 3), LOSS_POINTS)
+        place = uniform(seeds, 3 * count, LOSS_POINTS).unflatten(1, (count, 3))
         return self.box[0] + place * (self.box[1] - self.box[0])
 
     def settings(self) -> dict[str, Any]:
@@ -110,10 +92,10 @@ class Baseline(PictureModel):
         save_baseline(self, path, {"licence": "Apache-2.0", **notes})
 
     def groups(self, config: OptimizerConfig) -> list[dict[str, Any]]:
-        """All that learns at one rate, but the density's sharpness, which a step of that size would undo."""
-        density = [p for p in self.density.parameters() if p.requires_grad]
-        others = [
-            p for name, p in self.named_parameters() if p.requires_grad and not name.startswith("density.")
-        ]
-        rate = config.generator_rate
-        return [{"params": others, "lr": rate}, {"params": density, "lr": rate * SHARPNESS_SHARE}]
+        """What learns, each part at its share of the rate."""
+        rate, groups = config.generator_rate, {}
+        for name, parameter in self.named_parameters():
+            if parameter.requires_grad:
+                share = next((share for part, share in self.shares.items() if name.startswith(part)), 1.0)
+                groups.setdefault(share, []).append(parameter)
+        return [{"params": parameters, "lr": rate * share} for share, parameters in groups.items()]

@@ -27,17 +27,16 @@ from avatargen.baselines.baseline import (
     RAYS,
     RAYS_AGAIN,
     Baseline,
-    full_precision,
     opaque,
     seeds_of,
-    uniform,
     within_bins,
 )
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.volume import as_picture, paint_over, picture_of, render_twice
 from avatargen.generator.config import PlanesConfig, SynthesisConfig
 from avatargen.generator.density import Density
-from avatargen.generator.layers import EqualLinear
+from avatargen.generator.draws import uniform
+from avatargen.generator.layers import EqualLinear, without_autocast
 from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.planes import PlaneFrame, sample_planes
 from avatargen.generator.superresolution import Upsampler
@@ -78,7 +77,7 @@ class EG3D(Baseline):
     def generate(self, asked: Asked) -> Generated:
         w, late = self.styles(asked)
         planes = self.synthesis(w, late, asked.crossover).float()
-        with full_precision(planes):
+        with without_autocast(planes.device):
             rays = self.rays(asked, self.render.raw_size)
             again = self.render.samples // 2
             seen = render_twice(
@@ -110,9 +109,10 @@ class EG3D(Baseline):
         """How much the density differs between neighbouring points, weighted."""
         config = self.config
         here = self.anywhere(seeds, config.points)
-        there = here + config.shift * (2 * uniform(seeds, (config.points, 3), LOSS_SHIFTS) - 1)
+        shift = 2 * uniform(seeds, 3 * config.points, LOSS_SHIFTS).view_as(here) - 1
+        there = here + config.shift * shift
         points = torch.cat([here, there], dim=1)
-        with full_precision(planes):
+        with without_autocast(planes.device):
             number, _ = self.field(planes, points, points)
             first, second = self.density(number).chunk(2, dim=1)
         height = config.high[1] - config.low[1]  # the paper's densities are per side of its box

@@ -19,26 +19,29 @@ Letters: B pictures, P rays, N points, D size of w, K features, S final size.
 import math
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from avatargen.baselines.baseline import LOSS_POINTS, RAYS, Baseline, full_precision, opaque, within_bins
+from avatargen.baselines.baseline import BEHIND, RAYS, Baseline, opaque, within_bins
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.layers import wave_count, waves
 from avatargen.baselines.volume import Rays, as_picture, paint_over, picture_of, render_once
 from avatargen.generator.config import MappingConfig
 from avatargen.generator.density import Density
-from avatargen.generator.layers import EqualLinear, leaky_relu
+from avatargen.generator.layers import EqualLinear, leaky_relu, without_autocast
 from avatargen.generator.mapping import Mapping
 from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.superresolution import Upsampler
 from avatargen.training.picture_model import Asked, Generated
 
-BEHIND = 2.0  # metres behind the box's far side, over which the background is sampled
+ROOM = 2.0  # metres behind the box's far side, over which the background is sampled
 BEHIND_OPACITY = 0.25  # metres, as `opacity`
+CODE = 0.3  # share of a code in a layer: with as much of it as of the point, people fill the box or vanish
 SURE = 0.98  # of a mask: so far from 0 and 1 that its logit has a slope
+STEEP = 4.0  # of a mask's logit: carried by its quarter, which is of the size of the other features
 FAINT = 0.01  # mask of which a colour is not yet told
 CARRIED = 4  # colour and mask
 
@@ -67,7 +70,14 @@ class FeatureField(nn.Module):
     """
 
     def __init__(
-        self, *, frequencies: int, width: int, depth: int, features: int, w_size: int, opacity: float
+        self,
+        *,
+        frequencies: int,
+        width: int,
+        depth: int,
+        features: int,
+        w_size: int,
+        opacity: float,
     ) -> None:
         super().__init__()
         self.frequencies, self.opacity = frequencies, opacity
@@ -75,7 +85,7 @@ class FeatureField(nn.Module):
         self.shape = EqualLinear(w_size, width)
         self.layers = nn.ModuleList(EqualLinear(width, width) for _ in range(depth - 1))
         self.again = nn.ModuleList(EqualLinear(w_size, width) for _ in range(depth - 1))
-        self.sigma = EqualLinear(width, 1)
+        self.sigma = EqualLinear(width, 1, zero=True)  # an even fog at first, whatever the codes say
         self.view = EqualLinear(width + 3, width)
         self.appearance = EqualLinear(w_size, width)
         self.leave = EqualLinear(width, features)
@@ -99,14 +109,15 @@ class FeatureField(nn.Module):
 
 
 def add_code(x: Float[Tensor, "B N W"], code: Float[Tensor, "B W"]) -> Float[Tensor, "B N W"]:
-    """A layer's numbers at points and a person's code, both of unit size, as one of unit size, activated."""
-    return leaky_relu((x + code[:, None]) * math.sqrt(0.5))
+    """A layer's numbers at points and a share of a person's code, together of unit size, activated."""
+    return leaky_relu((x + CODE * code[:, None]) / math.sqrt(1 + CODE**2))
 
 
 class GiraffeHD(Baseline):
     """Feature fields of foreground and background, laid over one another after their 2D renderers."""
 
     name = "giraffe-hd"
+    shares: ClassVar = {"front.": 0.4}  # GIRAFFE's is a fifth of StyleGAN2's: nothing normalises these layers
     config: GiraffeHDConfig
 
     def __init__(self, config: GiraffeHDConfig) -> None:
@@ -138,17 +149,17 @@ class GiraffeHD(Baseline):
     def generate(self, asked: Asked) -> Generated:
         w, late = self.styles(asked)
         scene = self.scene(asked.z, asked.camera)
-        with full_precision(w):
+        with without_autocast(w.device):
             rays = self.rays(asked, self.render.raw_size)
             within = within_bins(asked.seeds, rays.near, self.render.samples, RAYS)
             seen = render_once(partial(self.front, w.float(), self.box), rays, within, self.density)
             behind = self.background(asked, scene.float(), rays)
             raw = lay_over(seen.features[..., :3], seen.mask[..., None], behind[..., :3])
             color = seen.features[..., :3] / (seen.mask[..., None] + FAINT)
-            sure = torch.logit(SURE * seen.mask + (1 - SURE) / 2)[..., None]
+            sure = torch.logit(SURE * seen.mask + (1 - SURE) / 2)[..., None] / STEEP
         front = torch.cat([color, sure, seen.features[..., 3:]], dim=-1)
         front = self.front_upsampler(as_picture(front), late)
-        mask = torch.sigmoid(front[:, 3:])
+        mask = torch.sigmoid(STEEP * front[:, 3:])
         image = lay_over(front[:, :3] * mask, mask, self.back_upsampler(as_picture(behind), scene))
         return Generated(
             picture=picture_of(image, as_picture(raw), seen),
@@ -157,14 +168,14 @@ class GiraffeHD(Baseline):
 
     def background(self, asked: Asked, w: Float[Tensor, "B D"], rays: Rays) -> Float[Tensor, "B P K"]:
         """Colours, on white, and features of what lies behind the box."""
-        beyond = replace(rays, near=rays.far, far=rays.far + BEHIND)
-        within = within_bins(asked.seeds, rays.near, self.config.behind_samples, LOSS_POINTS)
+        beyond = replace(rays, near=rays.far, far=rays.far + ROOM)
+        within = within_bins(asked.seeds, rays.near, self.config.behind_samples, BEHIND)
         seen = render_once(partial(self.back, w, self.box), beyond, within, self.back_density)
         return torch.cat([paint_over(seen, BACKGROUND), seen.features[..., 3:]], dim=-1)
 
     def meets_box(self, asked: Asked) -> Bool[Tensor, "B S S"]:
         """Which pixels of the final picture show a part of the object's box."""
-        with full_precision(asked.camera):
+        with without_autocast(asked.camera.device):
             rays = self.rays(asked, self.render.image_size)
         return (rays.far > rays.near).unflatten(1, (self.render.image_size,) * 2)
 

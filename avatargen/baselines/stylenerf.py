@@ -30,17 +30,16 @@ from avatargen.baselines.baseline import (
     LOSS_POINTS,
     RAYS,
     Baseline,
-    full_precision,
     opaque,
     seeds_of,
-    uniform,
     within_bins,
 )
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.layers import ModulatedLinear, StyledLayer, wave_count, waves
 from avatargen.baselines.volume import Field, as_picture, picture_of, render_once
 from avatargen.generator.density import Density
-from avatargen.generator.layers import EqualLinear, leaky_relu, upsample
+from avatargen.generator.draws import uniform
+from avatargen.generator.layers import EqualLinear, leaky_relu, upsample, without_autocast
 from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.renderer import Rendering
 from avatargen.training.picture_model import Asked, Generated
@@ -115,7 +114,7 @@ class StyleNeRF(Baseline):
     def generate(self, asked: Asked) -> Generated:
         w, late = self.styles(asked)
         field = partial(self.field, w.float())
-        with full_precision(w):
+        with without_autocast(w.device):
             rays = self.rays(asked, self.render.raw_size)
             within = within_bins(asked.seeds, rays.near, self.render.samples, RAYS)
             seen = render_once(field, rays, within, self.density)
@@ -165,8 +164,8 @@ class StyleNeRF(Baseline):
         """Mean squared difference between some final pixels and what their own rays show (equation 10)."""
         config, size = self.config, self.render.image_size
         seeds = seeds_of(asked)
-        with full_precision(w):
-            chosen = (uniform(seeds, (config.pixels,), LOSS_PIXELS) * size**2).long().clamp_max(size**2 - 1)
+        with without_autocast(w.device):
+            chosen = (uniform(seeds, config.pixels, LOSS_PIXELS) * size**2).long().clamp_max(size**2 - 1)
             rays = self.rays(asked, size).some(chosen)
             within = within_bins(asked.seeds, rays.near, self.render.samples, LOSS_POINTS)
             colors = self.straight(render_once(field, rays, within, self.density), w)

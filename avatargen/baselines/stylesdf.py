@@ -20,16 +20,17 @@ Letters: B pictures, N points, D size of w, H width, K features.
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float, Int64
 from torch import Tensor, nn
 
-from avatargen.baselines.baseline import RAYS, Baseline, full_precision, seeds_of, within_bins
+from avatargen.baselines.baseline import RAYS, Baseline, seeds_of, within_bins
 from avatargen.baselines.config import BaselineConfig, told
 from avatargen.baselines.volume import as_picture, paint_over, picture_of, render_once
 from avatargen.generator.density import Density
-from avatargen.generator.layers import EqualLinear
+from avatargen.generator.layers import EqualLinear, without_autocast
 from avatargen.generator.picture import BACKGROUND
 from avatargen.generator.superresolution import Upsampler
 from avatargen.training.losses import eikonal, minimal_surface, slope_of
@@ -73,6 +74,7 @@ class StyleSDF(Baseline):
     """A SIREN of the observed space."""
 
     name = "stylesdf"
+    shares: ClassVar = {"density.": 0.01}  # a sharpness in metres, which a step of the whole rate would undo
     config: StyleSDFConfig
     slender: Tensor
 
@@ -93,7 +95,7 @@ class StyleSDF(Baseline):
     def generate(self, asked: Asked) -> Generated:
         w, late = self.styles(asked)
         w = w.float()
-        with full_precision(w):
+        with without_autocast(w.device):
             rays = self.rays(asked, self.render.raw_size)
             within = within_bins(asked.seeds, rays.near, self.render.samples, RAYS)
             seen = render_once(partial(self.field, w), rays, within, self.density)
@@ -127,7 +129,7 @@ class StyleSDF(Baseline):
     ) -> dict[str, Float[Tensor, ""]]:
         """The eikonal and the minimal-surface loss at random points, weighted."""
         config = self.config
-        with full_precision(w), torch.enable_grad():
+        with without_autocast(w.device), torch.enable_grad():
             points = self.anywhere(seeds, config.points).requires_grad_()
             distance, _ = self.surface(w, points)
             (gradient,) = torch.autograd.grad(distance.sum(), points, create_graph=True)

@@ -106,6 +106,11 @@ COMMANDS = (
         function="avatargen.commands.learn.tables:tables",
     ),
     Command(
+        words=("eval", "metrics"),
+        summary="whether the metrics see blur, noise, shifted depth and swapped poses: a table",
+        function="avatargen.commands.learn.validate_metrics:main",
+    ),
+    Command(
         words=("eval", "runs"),
         summary="the same metrics over the snapshots of training runs, with a plot",
         function="avatargen.commands.learn.evaluate_runs:main",

@@ -23,6 +23,8 @@ LOOK_EVERY = 0.2  # seconds
 TELL_EVERY = 10.0  # seconds between lines of the log
 PACKING = 0.15  # seconds that packing a run takes, at most
 TO_STOP = 20.0  # seconds that a turn under way may take to end
+MOST_SHOWING = 0.35  # of the time
+STUCK, LEAST_STUCK = 0.2, 60.0  # share of the time, and seconds, after which a worker is taken to be stuck
 LIVES = 3  # times that a worker may be started
 PACKED = "packed"  # folder of the packed pictures
 STAGES = ("loading", "training", "stopped", "done")
@@ -62,6 +64,7 @@ class Conductor:
         self.workers: dict[int, Any] = {}
         self.shares: dict[int, list[int]] = {}
         self.lives: dict[int, int] = {}
+        self.seen: dict[int, tuple[Any, float]] = {}  # what a worker was last seen at, and since when
 
     def folder(self, run: Run) -> Path:
         return self.places.out / "runs" / run.key
@@ -140,8 +143,10 @@ class Conductor:
         return 3.0 + PACKING * len(self.plan.runs)
 
     def time_to_stop(self) -> float:
-        """When training ends, so that there is time to show and to pack."""
-        return self.end - self.packing() - max(self.shared.show_seconds) - 2.0
+        """When training ends, so that there is time to show and to pack; where showing would take most of it,
+        fewer people are shown."""
+        whole = self.end - self.started - self.packing()
+        return self.end - self.packing() - min(max(self.shared.show_seconds), MOST_SHOWING * whole) - 2.0
 
     def wait(self, tell: Callable[[str], None], done: Callable[[], bool], until: Callable[[], float]) -> None:
         """Until it is done or the time has come; workers that die are replaced."""
@@ -151,6 +156,7 @@ class Conductor:
                 tell(self.state())
                 told = time.time()
             time.sleep(LOOK_EVERY)
+            self.end_stuck(tell)
             self.replace_dead(tell)
 
     def state(self) -> str:
@@ -166,6 +172,19 @@ class Conductor:
             f"{len(images) - len(on)} failed; {sum(on) / seconds:.0f} pictures/s in all; workers: {stages}; "
             f"showing will take {max(self.shared.show_seconds):.0f} s"
         )
+
+    def end_stuck(self, tell: Callable[[str], None]) -> None:
+        """End workers that have been busy with one run, which gets nowhere, for a large part of the time: all
+        others wait for it."""
+        for worker, process in self.workers.items():
+            busy = self.shared.active[worker]
+            now = (busy, self.shared.images[busy] if busy != FAILED else time.time())
+            if self.seen.get(worker, (None, 0.0))[0] != now:
+                self.seen[worker] = (now, time.time())
+            elif time.time() - self.seen[worker][1] > max(STUCK * (self.end - self.started), LEAST_STUCK):
+                tell(f"worker {worker} is stuck")
+                process.kill()
+                process.join()
 
     def replace_dead(self, tell: Callable[[str], None]) -> None:
         """Start new workers for the runs of those that ended before they had shown them."""

@@ -31,7 +31,7 @@ KINDS = ("first", "turned", "reposed")
 FOLDER = "shown"
 PARTS = 8
 LARGEST_PART = 16 << 20  # bytes
-ROOM = 4096  # bytes that a part needs beside its files
+ROOM = 512  # bytes that a part needs beside its files, and for each of them
 COLUMNS = 16
 
 
@@ -159,8 +159,10 @@ def keep(result: Result, share: float) -> Result:
 def spread(files: Mapping[str, Mapping[str, bytes]], limit: int) -> list[list[str]] | None:
     """Which run goes into which part, the largest first; none where they do not fit."""
     sizes = {key: sum(len(data) + ROOM for data in own.values()) for key, own in files.items()}
+    if sum(sizes.values()) + PARTS * ROOM > limit:
+        return None
     parts: list[list[str]] = [[] for _ in range(PARTS)]
-    room = [min(LARGEST_PART, limit // PARTS) - ROOM] * PARTS
+    room = [LARGEST_PART - ROOM] * PARTS
     for key in sorted(sizes, key=lambda key: (-sizes[key], key)):
         part = int(np.argmax(room))
         if room[part] < sizes[key]:

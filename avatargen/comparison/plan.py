@@ -52,17 +52,17 @@ class Plan:
     runs: tuple[Run, ...]
 
 
-def table_of_baselines(models: Sequence[str]) -> Table:
+def table_of_baselines(models: Sequence[str], people: int) -> Table:
     """Table 1: the methods."""
     return Table(
         name="baselines",
         title="Table 1: methods",
         rows={title: model for model, title in TITLES.items() if model in models},
-        show=ShowConfig(pictures=300, turned=100, reposed=0),
+        show=show_of(min(people, 300)),
     )
 
 
-def table_of_ablations(base: AdversarialConfig, rows: Sequence[str]) -> Table:
+def table_of_ablations(base: AdversarialConfig, rows: Sequence[str], people: int) -> Table:
     """Table 2: the choices of the paper's own method. One that changes nothing shares the first one's run."""
     return Table(
         name="ablations",
@@ -72,8 +72,13 @@ def table_of_ablations(base: AdversarialConfig, rows: Sequence[str]) -> Table:
             for name, config in choices(base).items()
             if name in rows
         },
-        show=ShowConfig(pictures=120, turned=48, reposed=0),
+        show=show_of(min(people, 120)),
     )
+
+
+def show_of(people: int) -> ShowConfig:
+    """A third of the people are turned."""
+    return ShowConfig(pictures=people, turned=people // 3, reposed=0)
 
 
 def make_plan(base: AdversarialConfig, tables: Sequence[Table], seeds: Sequence[int]) -> Plan:

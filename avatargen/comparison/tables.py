@@ -83,9 +83,10 @@ def said_of_runs(table: MeasuredTable) -> str:
     shown = f"{images[0]:,}" if len(images) == 1 else f"{images[0]:,} to {images[-1]:,}"
     seeds = sorted({len(row) for row in table.rows.values()})
     many = " to ".join(str(count) for count in {seeds[0]: 0, seeds[-1]: 0})
+    devices = ", ".join(sorted({run.facts["device"] for run in runs}))
     return (
-        f"{shown} pictures shown in training, {many} seeds a row, {table.pictures} people a run, "
-        f"{table.turned} of them turned, on {', '.join(sorted({run.facts['device'] for run in runs}))}."
+        f"Pictures shown in training: {shown}; seeds of a row: {many}; people that a run is judged by: "
+        f"{table.pictures}, {table.turned} of them from two sides; trained on: {devices}."
     )
 
 

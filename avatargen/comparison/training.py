@@ -48,7 +48,8 @@ class TrainingRun:
             restore(self.state, folder / "state.pt")
         cut_log(folder / "log.jsonl", "images", self.state.images, "eval")
         self.once = adversarial.Run(config=run.config, accelerator=accelerator)
-        self.coming = batches(pictures, run.config, model, self.step, slice(None))
+        room = model.survey(pictures.row(torch.arange(len(pictures))))
+        self.coming = batches(pictures, run.config, model, self.step, slice(None), room)
         self.averages: OrderedDict[int, dict[str, Tensor]] = OrderedDict()
         self.last: dict[str, Any] = {}
         self.keep()

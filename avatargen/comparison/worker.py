@@ -7,6 +7,7 @@ A run that fails is told and left out. What is told to the conductor, and learne
 memory that all processes share.
 """
 
+import os
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -29,8 +30,16 @@ FAILED = -1  # in place of a number of pictures
 LOADING, TRAINING, STOPPED, SHOWN = range(4)  # where a worker is
 AHEAD = 2  # turns by which a run may be ahead of the last one
 WAIT = 0.02  # seconds
+BROKEN = 70  # status of a process whose GPU does not answer
 SAVE_EVERY = 90.0  # seconds between states of a run on the disk
+TIME_EVERY = 40.0  # seconds between looks at how long showing takes
 MARGIN = 1.3  # by which showing may take longer than it did
+
+
+EXPECTED = (
+    *(AvatarGenError, RuntimeError, OSError, AssertionError),
+    *(ValueError, TypeError, ArithmeticError, LookupError, AttributeError),
+)  # of a run that fails; others end the process
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,7 +110,9 @@ class Team:
         pictures = open_pictures(job.data, size)
         self.open: dict[int, TrainingRun] = {}
         self.saved: dict[int, float] = {}
-        self.started, self.spent = time.time(), dict.fromkeys(job.runs, 0.0)
+        self.cost: dict[int, float] = {}
+        self.timed: dict[int, float] = {}
+        self.spent = dict.fromkeys(job.runs, 0.0)
         for place, run in job.runs.items():
             opened = self.guarded(
                 place,
@@ -111,15 +122,18 @@ class Team:
                 self.open[place] = opened
                 self.saved[place] = time.time()
                 shared.images[place] = opened.images
-        self.estimate()
+        for place in [*self.open, *self.open]:  # the first time is slower
+            if place in self.open:
+                self.estimate(place)
 
     def guarded(self, place: int, do: Callable[[], Any]) -> Any:
         """What `do` returns; None where it fails, and then the run is out."""
         self.shared.active[self.job.worker] = place
         try:
             return do()
-        except (AvatarGenError, RuntimeError, ValueError, TypeError, ArithmeticError, LookupError) as error:
+        except EXPECTED as error:
             self.job.log(f"{self.job.runs[place].key} failed: {error}\n{traceback.format_exc()}")
+            leave_broken_device()
             self.drop(place)
         finally:
             self.shared.active[self.job.worker] = FAILED
@@ -131,23 +145,19 @@ class Team:
         if run is not None:
             run.close()
 
-    def estimate(self) -> None:
-        """Ask every run for its first pictures, twice, and time the second: how long showing will take."""
-        total = 0.0
-        for place in list(self.open):
-            self.guarded(place, lambda place=place: self.first_part(place))
-            started = time.perf_counter()
-            if place in self.open and self.guarded(place, lambda place=place: self.first_part(place)):
-                total += (time.perf_counter() - started) * self.parts_of(place)
+    def estimate(self, place: int) -> None:
+        """Ask a run for its first pictures, and time it: how long showing them all will take."""
+        started = time.perf_counter()
+        if self.guarded(place, lambda: self.first_part(place)) is not None:
+            parts = -(-min(self.open[place].run.show.pictures, len(self.held_out)) // CHUNK)
+            self.cost[place] = parts * (time.perf_counter() - started)
+        self.timed[place] = time.time()
+        total = sum(self.cost.get(each, 0.0) for each in self.open)
         self.shared.show_seconds[self.job.worker] = total * MARGIN
 
     def first_part(self, place: int) -> Shown:
         run = self.open[place]
         return next(show_in_parts(run.state.average, self.held_out, run.run.show))
-
-    def parts_of(self, place: int) -> float:
-        """How many times as much as the first part all pictures of a run take, at most."""
-        return -(-min(self.open[place].run.show.pictures, len(self.held_out)) // CHUNK)
 
     def train(self) -> None:
         """Turns until all runs are at their ends, or the conductor says stop."""
@@ -167,6 +177,14 @@ class Team:
             if place in self.open:
                 self.shared.images[place] = self.open[place].images
             self.save()
+            self.time_again()
+
+    def time_again(self) -> None:
+        """Now and then how long showing takes, as other processes leave more or less of the machine."""
+        for place in list(self.open):
+            if time.time() - self.timed[place] > TIME_EVERY:
+                self.estimate(place)
+                return
 
     def save(self, *, all_of_them: bool = False) -> None:
         """Write states that are due."""
@@ -216,6 +234,16 @@ class Team:
             self.job.folder(place) / "weights.safetensors", {"training": f"adversarial, {images} pictures"}
         )
         run.restore_average()
+
+
+def leave_broken_device() -> None:
+    """End the process, whose other runs the conductor gives to a new one, where the GPU answers nothing any
+    more."""
+    if torch.cuda.is_available():
+        try:
+            torch.cuda.synchronize()
+        except RuntimeError:
+            os._exit(BROKEN)
 
 
 def device_name(device: torch.device) -> str:

@@ -4,6 +4,7 @@ Letters: B people, N points, V vertices, K nearest. Metres.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from importlib.util import find_spec
 
 import numpy as np
@@ -31,6 +32,7 @@ def nearest_vertices(
     return squared.sqrt(), index
 
 
+@cache
 def has_triton() -> bool:
     """Whether kernels can be made; torch brings what it takes for GPUs."""
     return find_spec("triton") is not None

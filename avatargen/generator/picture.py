@@ -313,6 +313,8 @@ def chosen(wanted: Bool[Tensor, "B N"], room: int | None) -> Int64[Tensor, "B Q"
 
 def rows(values: Tensor, index: Int64[Tensor, "B Q"]) -> Tensor:
     """[B N ...] at columns [B Q]: [B Q ...]."""
+    if len(values) == 1:  # whole rows, which is faster than number by number
+        return values.index_select(1, index[0])
     index = index.reshape(*index.shape, *[1] * (values.ndim - 2)).expand(-1, -1, *values.shape[2:])
     return values.gather(1, index)
 
@@ -322,6 +324,8 @@ def spread_out(
 ) -> Float[Tensor, "B N K"]:
     """The values at their columns of `count`, zero in the others."""
     empty = values.new_zeros(len(values), count, values.shape[2])
+    if len(values) == 1:
+        return empty.index_copy(1, index[0], values)
     return empty.scatter(1, index[..., None].expand_as(values), values)
 
 

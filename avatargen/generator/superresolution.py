@@ -7,6 +7,7 @@ colour. What else is to be enlarged so, a mask, may be carried with it.
 import itertools
 import math
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -34,6 +35,8 @@ class Upsampler(nn.Module):
     ) -> Float[Tensor, "B C S S"]:
         """The final colour picture, nominally 0..1; `features` begin with the raw colour."""
         color = features[:, : self.carried]
+        if features.is_cuda:  # the order in which its convolutions are fastest
+            features = features.contiguous(memory_format=torch.channels_last)
         for enter, stay, correct in zip(self.enter, self.stay, self.color, strict=True):
             features = stay(enter(upsample(features), w), w)
             color = upsample(color) + correct(features, w)

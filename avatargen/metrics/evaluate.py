@@ -34,7 +34,7 @@ from avatargen.metrics.features import all_features
 from avatargen.metrics.judges import Judges
 from avatargen.metrics.report import Number, Report, distance, mean, measured
 from avatargen.metrics.shown import ShowConfig, Shown, Views, choose_labels, show, sides, turned_camera
-from avatargen.metrics.truth import CLOTHES, Depths, Truth, gather_truth, joint_errors
+from avatargen.metrics.truth import CLOTHES, Depths, Truth, gather_truth
 from avatargen.metrics.warp import Pair, pose_error, side_error
 from avatargen.training.picture_model import PictureModel
 
@@ -98,7 +98,7 @@ def measure(shown: Shown, truth: Truth, judges: Judges) -> dict[str, Number | No
     depths = truth.depths
     numbers[DEPTH] = mean(depth_errors(shown.first, depths)) if depths else None
     numbers[CLOTHES] = clothes_of(shown.first, depths) if depths else None
-    numbers[judges.joints.name] = mean(joint_errors(judges.joints.estimate(images), truth.joints))
+    numbers[judges.joints.name] = mean(judges.joints.errors(images, truth.joints))
     numbers[WARP] = mean(side_errors(shown, truth.data))
     if len(shown.reposed):
         numbers[POSE_WARP] = mean(pose_errors(shown, truth.data, truth.body))
@@ -143,10 +143,9 @@ def clothes_of(seen: Views, true: Depths) -> Number | None:
 
 def side_errors(shown: Shown, data: Pictures) -> Float64[np.ndarray, " T"]:
     """Warp of everybody who was turned."""
-    count = len(shown.turned)
-    camera = data.row(torch.from_numpy(shown.chosen[:count]))[0]
-    turned = turned_camera(camera, sides(np.arange(count)))
-    pairs = pairs_of(shown.first, shown.turned, camera, turned)
+    camera = data.row(torch.from_numpy(shown.chosen))[0]
+    turned = turned_camera(camera, sides(np.arange(len(shown))))[: len(shown.turned)]
+    pairs = pairs_of(shown.first, shown.turned, camera[: len(turned)], turned)
     return np.array([side_error(pair) for pair in pairs])
 
 
@@ -174,12 +173,12 @@ def pairs_of(
     first: Views, second: Views, camera: Float[Tensor, "T 25"], other: Float[Tensor, "T 25"]
 ) -> list[Pair]:
     """Pictures of the same people side by side, averaged down to the size of their depth."""
-    both = [(views.part(slice(len(other))), cameras) for views, cameras in ((first, camera), (second, other))]
+    both = [views.part(slice(len(other))) for views in (first, second)]
     colors, depth, mask = (
         torch.stack(parts, dim=1)
-        for parts in zip(*((small(views), views.metres(), views.cover()) for views, _ in both), strict=True)
+        for parts in zip(*((small(views), views.metres(), views.cover()) for views in both), strict=True)
     )
-    cameras = torch.stack([camera, other], dim=1)
+    cameras = torch.stack([camera, other], dim=1)  # T 2 25
     return [
         Pair(colors=colors[i], depth=depth[i], mask=mask[i], camera=camera_of_vector(cameras[i]))
         for i in range(len(other))

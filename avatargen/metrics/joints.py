@@ -31,11 +31,25 @@ RIDGE = 1e-2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointJudge:
-    """An estimator of some of the body's joints, and the name of the error that it measures."""
+    """An estimator of some of the body's joints, and the name of the error that it measures.
+
+    One that takes backs for fronts has a `partner` for each joint, on the other side: then a picture's error
+    is that of the better of both readings.
+    """
 
     name: str
     which: Int64[np.ndarray, " K"]
     estimate: Callable[[Float[Tensor, "N 3 S S"]], Float64[np.ndarray, "N K 2"]]
+    partner: Int64[np.ndarray, " K"] | None = None
+
+    def errors(
+        self, images: Float[Tensor, "N 3 S S"], truth: Float64[np.ndarray, "N K 2"]
+    ) -> Float64[np.ndarray, " N"]:
+        """Mean distance of each picture's joints, in percent of the picture's width."""
+        found = self.estimate(images)
+        readings = [found] if self.partner is None else [found, found[:, self.partner]]
+        away = [np.linalg.norm(reading - truth, axis=2).mean(axis=1) for reading in readings]
+        return 100 * np.minimum.reduce(away)
 
 
 def ridge_judge(reference: Pictures, body: Body, most: int) -> JointJudge:

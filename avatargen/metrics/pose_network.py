@@ -2,7 +2,8 @@
 
 It is there once `avatargen photo-models` has been run and the extra `photo` is installed. The person fills
 the picture, so nobody is looked for. What it takes for a shoulder or a hip is not the joint to the last
-centimetre: its error on real pictures is what a model's is read against.
+centimetre: its error on real pictures is what a model's is read against. In small pictures it takes some
+backs for fronts, so the sides are not told apart.
 
 Letters: N pictures, J joints of the body, K those that the network knows, S pixels a side.
 """
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Float64, UInt8
 from torch import Tensor
 
+from avatargen.data.mirror import partners
 from avatargen.extras import is_installed
 from avatargen.metrics.joints import JointJudge
 from avatargen.photo.models import LANDMARKS, model_path, models_folder
@@ -59,6 +61,7 @@ def pose_network(joint_names: tuple[str, ...]) -> JointJudge | None:
     known = [name for name in joint_names if name in LANDMARK_OF]
     return JointJudge(
         name=POSE,
+        partner=partners(tuple(known)),
         which=np.array([joint_names.index(name) for name in known], dtype=np.int64),
         estimate=LandmarkEstimator(
             network=FileNetwork(model_path(LANDMARKS)),

@@ -43,8 +43,8 @@ class Report:
 
 
 def distance(value: float, error: float, count: int, least: float = 0.0) -> Number | None:
-    """A distance with its interval from its standard error; none where it was not measured."""
-    if not np.isfinite(value):
+    """A distance with its interval from its standard error; none where either was not measured."""
+    if not np.isfinite([value, error]).all():
         return None
     return Number(value=value, low=max(value - WIDE * error, least), high=value + WIDE * error, count=count)
 

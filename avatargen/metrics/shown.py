@@ -69,7 +69,7 @@ class Views:
         """0..1."""
         return torch.from_numpy(self.mask).float() / 255
 
-    def part(self, which: slice) -> "Views":
+    def part(self, which: slice | np.ndarray) -> "Views":
         return Views(**{each.name: getattr(self, each.name)[which] for each in fields(self)})
 
 
@@ -126,7 +126,7 @@ def show_in_parts(model: PictureModel, data: Pictures, config: ShowConfig) -> It
         z, labels = latents[own], data.row(torch.from_numpy(chosen[own]))
         camera = labels[0]
         first = ask(model, z, camera, labels)
-        turned = turned_camera(camera, sides(own))[own < config.turned]
+        turned = turned_camera(camera, sides(own))[: int((own < config.turned).sum())]
         again = own[own < config.reposed]
         after = data.row(torch.from_numpy(chosen[(again + 1) % len(chosen)]))
         yield Shown(

@@ -81,7 +81,7 @@ def gather_truth(
     floors: dict[str, Number | None] = {}
     for judge, features in zip(judges.features, own, strict=True):
         floors |= judge.numbers(all_features(judge.network, others), features)
-    floors[judges.joints.name] = mean(joint_errors(judges.joints.estimate(images), joints))
+    floors[judges.joints.name] = mean(judges.joints.errors(images, joints))
     depths = look_at_depths(data, body, chosen, raw_size)
     beside = look_at_depths(reference, body, spread, raw_size)
     if depths is not None and beside is not None:
@@ -107,10 +107,3 @@ def look_at_depths(data: Pictures, body: Body, chosen: Int64[np.ndarray, " N"], 
         cover=torch.stack([cover for _, cover in seen]),
         bare=bare_depths(data, body, torch.from_numpy(chosen), size),
     )
-
-
-def joint_errors(
-    found: Float64[np.ndarray, "N K 2"], truth: Float64[np.ndarray, "N K 2"]
-) -> Float64[np.ndarray, " N"]:
-    """Mean distance of each picture's joints, in percent of the picture's width."""
-    return 100 * np.linalg.norm(found - truth, axis=2).mean(axis=1)

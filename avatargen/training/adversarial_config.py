@@ -165,6 +165,8 @@ PRESETS = {
         variety=VarietyConfig(style_mixing=0.9, blur=10.0, blur_fade=200_000),
         images=25_000_000,
         batch=32,
+        at_once=8,
         snapshot_every=100_000,
+        precision="bf16",
     ),
 }

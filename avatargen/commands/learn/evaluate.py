@@ -11,6 +11,7 @@ from pathlib import Path
 
 from avatargen.commands.line import parse_options, run_command
 from avatargen.metrics.shown import ShowConfig
+from avatargen.ranges import require_ranges
 
 PROGRAM = "avatargen eval"
 
@@ -35,6 +36,9 @@ class Options:
     samples: int | None = 48
     """Samples along rays: with 12, surfaces are seen 4 mm too far. `None`: the generator's own."""
     measure: ShowConfig = field(default_factory=ShowConfig)
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "eval", {"samples": (2, 4096)})
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

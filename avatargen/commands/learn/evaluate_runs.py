@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
 from avatargen.metrics.shown import ShowConfig
+from avatargen.ranges import require_ranges
 
 if TYPE_CHECKING:
     from avatargen.metrics.evaluate import Exam
@@ -42,6 +43,9 @@ class Options:
     samples: int | None = 48
     """Samples along rays; `None`: those that each run was trained with."""
     measure: ShowConfig = field(default_factory=ShowConfig)
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "eval", {"samples": (2, 4096)})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,6 +42,7 @@ class Options:
     minutes: float | None
     jobs: int
     megabytes: int
+    people: int
     training: AdversarialConfig
 
 
@@ -81,6 +82,7 @@ def parse(program: str, words: list[str]) -> Options:
         minutes: float | None = None,
         jobs: int = 1,
         megabytes: int = 60,
+        people: int = 300,
         training: AdversarialConfig = chosen,
     ) -> Options:
         """Train methods (Table 1) and choices (Table 2) of the paper for the same pictures, and measure them.
@@ -99,6 +101,7 @@ def parse(program: str, words: list[str]) -> Options:
             minutes: Stop in time: all runs at the same number of pictures, and packed.
             jobs: Processes that train side by side.
             megabytes: Of packed pictures, at most.
+            people: That each run is judged by, at most; choices by 120.
         """
         return Options(
             data=data,
@@ -111,6 +114,7 @@ def parse(program: str, words: list[str]) -> Options:
             minutes=minutes,
             jobs=jobs,
             megabytes=megabytes,
+            people=people,
             training=with_images(training, images),
         )
 
@@ -148,10 +152,10 @@ def plan_of(program: str, options: Options) -> "Plan":
     base, asked = options.training, []
     names = list(choices(base))
     if program != ABLATIONS:
-        asked.append(table_of_baselines(known(options.models, list(TITLES), "--models")))
+        asked.append(table_of_baselines(known(options.models, list(TITLES), "--models"), options.people))
     if program != BASELINES:
         rows = known(options.rows, names, "--rows")
-        asked.append(table_of_ablations(base, [names[0], *rows]))
+        asked.append(table_of_ablations(base, [names[0], *rows], options.people))
     return make_plan(base, asked, options.seeds)
 
 
