@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.nn.utils import parameters_to_vector
 
 from avatargen.data.dataset import open_pictures
@@ -120,6 +121,14 @@ def test_measuring_changes_no_training_and_says_what_an_evaluation_says(
     assert all(torch.equal(x, b["generator"][name]) for name, x in a["generator"].items())
     assert all(torch.equal(x, b["discriminator"][name]) for name, x in a["discriminator"].items())
     assert not (tmp_path / "alone/best.json").exists()
+    for name, count in (("watched", 2), ("alone", 0)):
+        curves = EventAccumulator(str(tmp_path / name / "tensorboard")).Reload()
+        drawn = [tag for tag in curves.Tags()["scalars"] if tag.startswith("snapshot/")]
+        assert bool(drawn) == bool(count)
+        for tag in drawn:
+            values = [(event.step, event.value) for event in curves.Scalars(tag)]
+            numbers = [found[tag.removeprefix("snapshot/")] for found in measured]
+            assert values == [(4, pytest.approx(numbers[0])), (8, pytest.approx(numbers[1]))]
 
     record = json.loads((tmp_path / "watched/best.json").read_bytes())
     assert record["snapshots"] == {"4": measured[0], "8": measured[1]}
