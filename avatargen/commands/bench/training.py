@@ -14,6 +14,7 @@ from unittest import mock
 
 import numpy as np
 import torch
+from jaxtyping import UInt8
 from torch import Tensor
 
 from avatargen.data.dataset import Pictures
@@ -75,9 +76,10 @@ class TrainingRow:
 class NoisePictures(Pictures):
     """Pictures of noise, in memory."""
 
-    def image(self, index: int) -> Tensor:
-        random = torch.Generator().manual_seed(index)
-        return torch.rand(3, self.size, self.size, generator=random)
+    def pixels(self, indices: Tensor) -> UInt8[Tensor, "N 3 S S"]:
+        random = torch.Generator().manual_seed(int(indices.sum()))
+        shape = (len(indices), 3, self.size, self.size)
+        return torch.randint(256, shape, dtype=torch.uint8, generator=random)
 
 
 def noise_pictures(body: "Body", size: int) -> NoisePictures:
