@@ -1,6 +1,7 @@
 """Tables of runs: what stands in which row, runs in turns, pictures there and back, intervals."""
 
 import multiprocessing
+import zipfile
 from ctypes import c_double, c_int64
 from dataclasses import replace
 from pathlib import Path
@@ -185,7 +186,7 @@ def test_pictures_come_back_as_they_were(tmp_path: Path):
 
 
 def test_packs_keep_to_their_limit_and_every_run_the_same_share(tmp_path: Path):
-    results = {f"run{i}/seed0": result(60, 20, i) for i in range(5)}
+    results = {f"run{i}/seed0": encode(with_counts(result(60, 20, i))) for i in range(5)}
     whole = sum(path.stat().st_size for path in pack(results, tmp_path, 64 << 20))
     limit = whole * 2 // 3
     parts = pack(results, tmp_path, limit)
@@ -195,6 +196,19 @@ def test_packs_keep_to_their_limit_and_every_run_the_same_share(tmp_path: Path):
     assert len({len(each.shown) for each in back.values()}) == 1 and 20 < len(back["run0/seed0"].shown) < 60
     with pytest.raises(InputError, match="do not fit"):
         pack(results, tmp_path, 1000)
+
+
+def test_what_fits_is_packed_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Encoding hundreds of pictures a run takes longer than a deadline leaves."""
+    results = {f"run{i}/seed0": encode(with_counts(result(6, 2, i))) for i in range(3)}
+    monkeypatch.setattr("avatargen.comparison.packed.encode", None)
+    monkeypatch.setattr("avatargen.comparison.packed.decode", None)
+    parts = pack(results, tmp_path, 64 << 20)
+    found = {}
+    for part in parts:
+        with zipfile.ZipFile(part) as archive:
+            found |= {name: archive.read(name) for name in archive.namelist()}
+    assert found == {f"{key}/{name}": data for key, own in results.items() for name, data in own.items()}
 
 
 def test_intervals_are_over_seeds_and_people():

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from avatargen.comparison.packed import pack, read_shown
+from avatargen.comparison.packed import pack, read_shown, shown_files
 from avatargen.comparison.plan import Plan, Run
 from avatargen.comparison.worker import FAILED, LOADING, SHOWN, STOPPED, Job, Shared, work
 from avatargen.data.folder import single_threaded
@@ -21,7 +21,7 @@ from avatargen.errors import TrainingError
 
 LOOK_EVERY = 0.2  # seconds
 TELL_EVERY = 10.0  # seconds between lines of the log
-PACKING = 0.15  # seconds that packing a run takes, at most
+PACKING = 0.1  # seconds that packing a run takes, at most: its files are taken as they are
 TO_STOP = 20.0  # seconds that a turn under way may take to end
 MOST_SHOWING = 0.35  # of the time
 STUCK, LEAST_STUCK = 0.2, 60.0  # share of the time, and seconds, after which a worker is taken to be stuck
@@ -212,7 +212,7 @@ class Conductor:
         tell(f"{time.time() - self.started:.0f} s: judged at {self.shared.common.value:,} pictures")
 
     def pack(self, tell: Callable[[str], None]) -> list[Path]:
-        results = {run.key: read_shown(self.folder(run)) for run in self.plan.runs}
+        results = {run.key: shown_files(self.folder(run)) for run in self.plan.runs}
         there = {key: result for key, result in results.items() if result is not None}
         if not there:
             raise TrainingError(f"eval: no run left pictures; {self.places.out / 'log.txt'} tells why")

@@ -129,27 +129,33 @@ def write_shown(folder: Path, result: Result) -> None:
 
 def read_shown(folder: Path) -> Result | None:
     """From a run's folder; none where nothing whole is there."""
+    files = shown_files(folder)
+    return None if files is None else decode(files)
+
+
+def shown_files(folder: Path) -> dict[str, bytes] | None:
+    """A run's files by name; none where nothing whole is there."""
     if not (folder / FOLDER / "run.json").exists():
         return None
-    return decode({path.name: path.read_bytes() for path in (folder / FOLDER).iterdir()})
+    return {path.name: path.read_bytes() for path in (folder / FOLDER).iterdir()}
 
 
-def pack(results: Mapping[str, Result], folder: Path, limit: int) -> list[Path]:
-    """Write the pictures of all runs in parts of together at most `limit` bytes; where they need more, every
-    run keeps the same share of its people.
+def pack(whole: Mapping[str, Mapping[str, bytes]], folder: Path, limit: int) -> list[Path]:
+    """Write the files of all runs in parts of together at most `limit` bytes, as they are; where they need
+    more, every run keeps the same share of its people.
 
     Raises:
         InputError: the limit holds next to nothing.
     """
-    share = 1.0
+    files, share = whole, 1.0
     for _ in range(8):
-        files = {key: encode(with_counts(keep(result, share))) for key, result in results.items()}
         parts = spread(files, limit)
         if parts is not None:
             return write_parts(files, parts, folder)
         total = sum(sum(map(len, own.values())) for own in files.values())
         share *= min(0.9, 0.95 * limit / max(total, 1))
-    raise InputError(f"eval: {len(results)} runs do not fit in {limit} bytes; allow more, or fewer runs")
+        files = {key: encode(with_counts(keep(decode(own), share))) for key, own in whole.items()}
+    raise InputError(f"eval: {len(whole)} runs do not fit in {limit} bytes; allow more, or fewer runs")
 
 
 def keep(result: Result, share: float) -> Result:

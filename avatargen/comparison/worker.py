@@ -19,7 +19,7 @@ from typing import Any
 import torch
 
 from avatargen.avatar import training_body
-from avatargen.comparison.packed import Result, write_shown
+from avatargen.comparison.packed import Result, encode, write_shown
 from avatargen.comparison.plan import Run
 from avatargen.comparison.training import SLICE, TrainingRun
 from avatargen.data.dataset import open_pictures
@@ -146,9 +146,9 @@ class Team:
             run.close()
 
     def estimate(self, place: int) -> None:
-        """Ask a run for its first pictures, and time it: how long showing them all will take."""
+        """Ask a run for its first pictures, encode them, and time it: how long showing them all will take."""
         started = time.perf_counter()
-        if self.guarded(place, lambda: self.first_part(place)) is not None:
+        if self.guarded(place, lambda: encode(Result(facts={}, shown=self.first_part(place)))) is not None:
             parts = -(-min(self.open[place].run.show.pictures, len(self.held_out)) // CHUNK)
             self.cost[place] = parts * (time.perf_counter() - started)
         self.timed[place] = time.time()
