@@ -8,14 +8,16 @@ target sweeps away: one process at a time writes a target, so what it finds ther
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from filelock import lock_descriptor
 
 from avatargen.errors import InputError
 
+Contents = bytes | Callable[[BinaryIO], None]
 PART_SUFFIX = ".part"
 PATIENCE = 60.0  # seconds to wait for another process that writes the same file
 
@@ -31,9 +33,10 @@ def write_atomically(path: str | Path, data: bytes) -> None:
     write_together([(path, data)])
 
 
-def write_together(files: Sequence[tuple[str | Path, bytes]]) -> None:
+def write_together(files: Sequence[tuple[str | Path, Contents]]) -> None:
     """Write several files as `write_atomically` does: none takes its name before all are safe on disk.
 
+    A file is its bytes, or what writes them to a stream where they are too many to hold.
     They take their names in the order given, microseconds apart, so the one that names the others comes last.
 
     Raises:
@@ -63,7 +66,7 @@ def different_targets(paths: Sequence[str | Path]) -> list[Path]:
     return targets
 
 
-def stage(path: str | Path, target: Path, data: bytes, parts: ExitStack) -> Path:
+def stage(path: str | Path, target: Path, data: Contents, parts: ExitStack) -> Path:
     """Put the data of the target's only writer in a part file beside it, on the disk; `parts` removes it if
     it is still there."""
     sweep_leftovers(target)
@@ -72,7 +75,7 @@ def stage(path: str | Path, target: Path, data: bytes, parts: ExitStack) -> Path
         part = Path(name)
         parts.callback(part.unlink, missing_ok=True)
         with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
+            data(stream) if callable(data) else stream.write(data)
             stream.flush()
             part.chmod(target_mode(target))
             os.fsync(stream.fileno())

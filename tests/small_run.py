@@ -21,6 +21,7 @@ from avatargen.data.raycast import Light, shoot
 from avatargen.generator.camera import Camera, front_camera
 from avatargen.training.adversarial import train
 from avatargen.training.adversarial_config import PRESETS, AdversarialConfig
+from avatargen.training.avatar_model import avatar_model
 from tests.bodies import capsule_body
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def small_run(data: Path, out: Path, config: AdversarialConfig = CONFIG, wait: f
     def report(line: str) -> None:
         time.sleep(wait)
 
-    train(config, open_pictures(data, SIZE), BODY, out, accelerator(), report)
+    train(config, avatar_model(config, BODY), open_pictures(data, SIZE), BODY, out, accelerator(), report)
 
 
 def accelerator() -> "Accelerator":

@@ -25,14 +25,11 @@ from avatargen.errors import InputError, TrainingError
 from avatargen.generator.checkpoint import load_checkpoint
 from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig, body_hash
 from avatargen.generator.density import Density
-from avatargen.generator.picture import CanonicalSurface
+from avatargen.generator.generator import AvatarGenerator
 from avatargen.training.adversarial import (
     Run,
     blur,
-    draw_batch,
-    first_weights,
-    generate,
-    generator_config,
+    look,
     snapshot_is_due,
     step_once,
     train,
@@ -40,6 +37,8 @@ from avatargen.training.adversarial import (
 )
 from avatargen.training.adversarial_config import AdversarialConfig, VarietyConfig
 from avatargen.training.adversarial_state import State, new_state
+from avatargen.training.avatar_model import AvatarModel, avatar_model, first_weights
+from avatargen.training.batches import batches, draw_batch
 from tests.small_run import BODY, CONFIG, GREEN, SIZE, accelerator, make_data, small_run
 
 WHOLE = slice(0, CONFIG.batch)
@@ -67,9 +66,15 @@ def pictures(folder: Path) -> Pictures:
 
 
 def fresh(config: AdversarialConfig, pictures: Pictures) -> tuple[State, Run]:
-    networks = generator_config(config, BODY, None)
-    state = new_state(config, networks, pictures.labels.rows().shape[1], torch.device("cpu"))
-    return state, Run(config=config, surface=CanonicalSurface(BODY), accelerator=accelerator())
+    model = avatar_model(config, BODY)
+    state = new_state(config, model, pictures.labels.rows().shape[1], torch.device("cpu"))
+    return state, Run(config=config, accelerator=accelerator())
+
+
+def networks_of(state: State, kind: Literal["generator", "average"] = "generator") -> AvatarGenerator:
+    model = getattr(state, kind)
+    assert isinstance(model, AvatarModel)
+    return model.networks
 
 
 def run_steps(
@@ -78,16 +83,16 @@ def run_steps(
     state, run = fresh(config, pictures)
     lines = []
     for step in range(count):
-        batch = draw_batch(pictures, config, state.generator.config, step, WHOLE)
-        lines.append(step_once(state, run, batch, step))
+        batch = draw_batch(pictures, config, state.generator, step, WHOLE)
+        lines.append({name: float(value) for name, value in step_once(state, run, batch, step).items()})
     return state, lines
 
 
-def greenness(state: State, run: Run, pictures: Pictures) -> float:
+def greenness(state: State, pictures: Pictures) -> float:
     """How far green stands out of the colour of generated people."""
     with torch.no_grad():
-        batch = draw_batch(pictures, CONFIG, state.generator.config, 10**6, WHOLE)
-        _, seen = generate(state.generator, run.surface, batch)
+        batch = draw_batch(pictures, CONFIG, state.generator, 10**6, WHOLE)
+        seen = state.generator.generate(batch.asked).picture
     red, green, blue = seen.raw.permute(0, 2, 3, 1)[seen.mask > 0.5].mean(dim=0)
     return float(green - (red + blue) / 2)
 
@@ -96,10 +101,10 @@ def test_people_take_the_colour_of_the_pictures(pictures: Pictures):
     """Nothing but the discriminator tells the generator that people are green."""
     config = replace(CONFIG, variety=VarietyConfig(blur=0.0))
     state, run = fresh(config, pictures)
-    before = greenness(state, run, pictures)
+    before = greenness(state, pictures)
     for step in range(40):
-        step_once(state, run, draw_batch(pictures, config, state.generator.config, step, WHOLE), step)
-    assert greenness(state, run, pictures) > before + 0.1
+        step_once(state, run, draw_batch(pictures, config, state.generator, step, WHOLE), step)
+    assert greenness(state, pictures) > before + 0.1
     assert GREEN[1] - (GREEN[0] + GREEN[2]) / 2 > 0.4  # what it is on its way to
 
 
@@ -149,14 +154,20 @@ def test_two_processes_step_as_one_does(folder: Path):
 
 def test_a_process_draws_its_part_of_the_same_batch(pictures: Pictures):
     config = replace(CONFIG, variety=VarietyConfig(style_mixing=0.5))
-    networks = generator_config(config, BODY, None)
+    networks = avatar_model(config, BODY)
     whole = draw_batch(pictures, config, networks, 7, WHOLE)
     parts = [draw_batch(pictures, config, networks, 7, slice(i, i + 1)) for i in (0, 1)]
-    for name in ("real", "real_label", "z", "mapped_camera", "pose"):
+    for name in ("real", "real_label", "label"):
         assert torch.equal(getattr(whole, name), torch.cat([getattr(part, name) for part in parts]))
-    drawn = [torch.rand(3, generator=draw) for part in parts for draw in part.draws]
-    assert torch.equal(torch.stack(drawn), torch.stack([torch.rand(3, generator=d) for d in whole.draws]))
-    assert not torch.equal(draw_batch(pictures, config, networks, 8, WHOLE).z, whole.z)
+    for name in ("z", "other_z", "mapped_camera", "pose", "seeds"):
+        drawn = torch.cat([getattr(part.asked, name) for part in parts])
+        assert torch.equal(getattr(whole.asked, name), drawn), name
+    ahead = batches(pictures, config, networks, 7, WHOLE)
+    assert torch.equal(next(ahead).asked.z, whole.asked.z)
+    other = next(ahead).asked
+    ahead.close()
+    assert not torch.equal(other.z, whole.asked.z)
+    assert torch.equal(other.z, draw_batch(pictures, config, networks, 8, WHOLE).asked.z)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +184,7 @@ def test_every_choice_of_table_2_trains(pictures: Pictures, name: str, value: st
 
 def last_layer(state: State) -> Tensor:
     """What the residual is read with."""
-    return state.generator.decoder.get_parameter("networks.0.geometry.weight")
+    return networks_of(state).decoder.get_parameter("networks.0.geometry.weight")
 
 
 def gradients_after_a_step(config: AdversarialConfig, pictures: Pictures) -> tuple[dict, dict]:
@@ -181,7 +192,8 @@ def gradients_after_a_step(config: AdversarialConfig, pictures: Pictures) -> tup
     state, run = fresh(config, pictures)
     if state.scaler.is_enabled():  # 65536 at first, which overflows; a few steps later
         state.scaler.load_state_dict(state.scaler.state_dict() | {"scale": 256.0})
-    numbers = step_once(state, run, draw_batch(pictures, config, state.generator.config, 0, WHOLE), 0)
+    found = step_once(state, run, draw_batch(pictures, config, state.generator, 0, WHOLE), 0)
+    numbers = {name: float(value) for name, value in found.items()}
     networks = {"generator": state.generator, "discriminator": state.discriminator}
     return {
         name: torch.cat([p.grad.flatten() for p in network.parameters() if p.grad is not None])
@@ -210,13 +222,14 @@ def test_a_step_that_overflows_in_fp16_is_left_out_and_scaled_less(pictures: Pic
     scale = state.scaler.get_scale()
     with torch.no_grad():
         state.discriminator.judge.bias.fill_(float("inf"))
-    step_once(state, run, draw_batch(pictures, CONFIG, state.generator.config, 0, WHOLE), 1)
+    step_once(state, run, draw_batch(pictures, CONFIG, state.generator, 0, WHOLE), 1)
     assert all(torch.equal(before[name], value) for name, value in state.generator.state_dict().items())
     assert state.scaler.get_scale() == scale / 2
     assert state.parts()["scaler"].state_dict()["scale"] == scale / 2  # so a resumed run goes on with it
     state.scaler.load_state_dict(state.scaler.state_dict() | {"scale": 1.0})
+    numbers = step_once(state, run, draw_batch(pictures, CONFIG, state.generator, 1, WHOLE), 2)
     with pytest.raises(TrainingError, match="gradient has norm"):
-        step_once(state, run, draw_batch(pictures, CONFIG, state.generator.config, 1, WHOLE), 2)
+        look([numbers], state, CONFIG)
 
 
 def test_gradients_that_explode_or_are_none_stop_the_run_and_keep_the_checkpoint(folder: Path):
@@ -224,7 +237,7 @@ def test_gradients_that_explode_or_are_none_stop_the_run_and_keep_the_checkpoint
     small_run(folder / "data", out, replace(CONFIG, images=4))
     kept = {name: (out / name).read_bytes() for name in ("state.pt", "generator.safetensors")}
     content = torch.load(out / "state.pt", weights_only=True)
-    content["generator"]["decoder.networks.0.geometry.weight"].fill_(float("nan"))
+    content["generator"]["networks.decoder.networks.0.geometry.weight"].fill_(float("nan"))
     torch.save(content, out / "state.pt")
     with pytest.raises(TrainingError, match="gradient has norm nan"):
         small_run(folder / "data", out, replace(CONFIG, images=8))
@@ -257,25 +270,28 @@ def test_a_folder_keeps_one_run(folder: Path):
 
 def test_weights_to_start_from_must_fit(folder: Path, pictures: Pictures):
     start = load_checkpoint(folder / "whole" / "generator.safetensors")
-    state = new_state(CONFIG, start.generator.config, 107, torch.device("cpu"), start.generator.state_dict())
+    state = new_state(CONFIG, avatar_model(CONFIG, BODY, start), 107, torch.device("cpu"))
     assert torch.equal(last_layer(state), start.generator.decoder.get_parameter("networks.0.geometry.weight"))
     larger = replace(CONFIG, render=replace(CONFIG.render, image_size=32))
     with pytest.raises(TrainingError, match="other networks"):
-        train(larger, pictures, BODY, folder / "unfit", accelerator(), [].append, start)
+        avatar_model(larger, BODY, start)
 
 
 def test_labels_and_weights_of_another_body_are_refused(folder: Path, pictures: Pictures):
-    other = replace(pictures, labels=replace(pictures.labels, body="0" * 64))
+    model, other = (
+        avatar_model(CONFIG, BODY),
+        replace(pictures, labels=replace(pictures.labels, body="0" * 64)),
+    )
     with pytest.raises(TrainingError, match=r"labels in .* of another body"):
-        train(CONFIG, other, BODY, folder / "other", accelerator(), [].append)
+        train(CONFIG, model, other, BODY, folder / "other", accelerator(), [].append)
     own = replace(pictures, labels=replace(pictures.labels, body=body_hash(canonical_body(BODY))))
     short = replace(CONFIG, images=2)
-    train(short, own, BODY, folder / "own", accelerator(), [].append)
+    train(short, model, own, BODY, folder / "own", accelerator(), [].append)
     start = load_checkpoint(folder / "own" / "generator.safetensors")
     taller = replace(BODY, v_template=BODY.v_template * np.float32(1.1))
     with pytest.raises(TrainingError, match="weights to start from are of another body"):
-        train(short, pictures, taller, folder / "taller", accelerator(), [].append, start)
-    assert not (folder / "other").exists() and not (folder / "taller").exists()
+        avatar_model(short, taller, start)
+    assert not (folder / "other").exists()
 
 
 def test_weights_that_never_rendered_take_this_runs_sharpness(folder: Path, pictures: Pictures):
@@ -296,12 +312,12 @@ def test_the_average_halves_its_distance_in_a_half_life(pictures: Pictures):
     config = replace(CONFIG, optimizer=replace(CONFIG.optimizer, half_life=200))
     state, _ = fresh(config, pictures)
     with torch.no_grad():
-        state.generator.density.p.fill_(1.0)
-        state.average.density.p.fill_(0.0)
+        networks_of(state).density.p.fill_(1.0)
+        networks_of(state, "average").density.p.fill_(0.0)
     state.images = 10**9  # far behind the ramp
     for _ in range(200 // config.batch):
         update_average(state, config)
-    assert float(state.average.density.p) == pytest.approx(0.5, abs=1e-3)
+    assert float(networks_of(state, "average").density.p) == pytest.approx(0.5, abs=1e-3)
 
 
 def test_blur_keeps_flat_pictures_and_the_mean_and_spreads_a_dot():
@@ -317,7 +333,7 @@ def test_blur_keeps_flat_pictures_and_the_mean_and_spreads_a_dot():
 
 
 def test_mixed_styles_take_coarse_planes_from_one_and_fine_ones_from_the_other(pictures: Pictures):
-    generator = fresh(CONFIG, pictures)[0].generator
+    generator = networks_of(fresh(CONFIG, pictures)[0])
     w, other = torch.randn(2, 1, 32, generator=torch.Generator().manual_seed(0))
     mixed = [generator.synthesis(w, other, crossover) for crossover in (0, 1, 2, 3)]
     assert torch.equal(mixed[3], generator.synthesis(w))  # beyond the last block

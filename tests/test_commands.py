@@ -415,7 +415,7 @@ def test_avatargen_names_its_commands(
         (["avatar-export", "3"], "export"),
         (["data", "prepair"], "data prepare"),
         (["prepare", "--images", "a"], "data prepare"),
-        (["data"], "data synth or data prepare"),
+        (["data"], "data synth or data prepare or data pack"),
         (["train", "warmstart"], "train warm-start"),
         (["eval", "run"], "eval runs"),
         (["compl"], "completion"),

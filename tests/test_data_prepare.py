@@ -501,6 +501,13 @@ def test_the_command(scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture
     assert main([*arguments, *masks, "--out", "made"]) == 0
     said = capsys.readouterr()
     assert said.out == "made/dataset.json\n" and "6 of 6 photographs, 12 pictures" in said.err
+    for _ in range(2):  # the second time all is there
+        assert main([*arguments, *masks, "--out", "packed", "--packed"]) == 0
+        files, packed = (open_pictures(tmp_path / name, 32) for name in ("made", "packed"))
+        assert torch.equal(files.pixels(torch.arange(12)), packed.pixels(torch.arange(12)))
+        assert np.array_equal(files.read("masks", range(12)), packed.read("masks", range(12)))
+        assert not (tmp_path / "packed/images").exists()
+    capsys.readouterr()
     for text, words in (("matting_of_mine", "MODULE:FUNCTION"), ("matting_of_mine:answer", "no function")):
         assert main([*arguments, "--segment", text, "--out", "none"]) == 2
         error = capsys.readouterr().err

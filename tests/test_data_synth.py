@@ -54,6 +54,23 @@ def test_processes_resuming_and_extending_make_the_same_files(folder: Path, tmp_
     assert told == [(1, 2), (2, 2)]  # only the unfinished person was made again
 
 
+def test_a_packed_set_is_the_same_set_and_grows(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "data"
+    words = ["data", "synth", "--size", "32", "--views", "3", "--cell", "30", "--workers", "1"]
+    for people in ("1", "2", "2"):
+        assert main([*words, "--people", people, "--packed", "--out", str(out)]) == 0
+        assert capsys.readouterr().out == f"{out / 'dataset.json'}\n"
+        found = sorted(path.name for path in out.iterdir())
+        assert found == ["dataset.json", "people", "pictures.safetensors", "synth.json"]
+    files, packed = open_pictures(folder, 32), open_pictures(out, 32)
+    assert (out / "dataset.json").read_bytes() == (folder / "dataset.json").read_bytes()
+    assert torch.equal(files.pixels(torch.arange(6)), packed.pixels(torch.arange(6)))
+    for i in range(6):
+        assert torch.equal(files.mask(i), packed.mask(i)) and torch.equal(files.depth(i), packed.depth(i))
+
+
 def test_labels_describe_the_pictures(folder: Path):
     """The bare body of an untrained generator, at the labels, covers what the masks cover."""
     body = training_body()

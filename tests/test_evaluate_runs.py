@@ -10,7 +10,7 @@ from PIL import Image
 from avatargen.commands.learn import evaluate_runs
 from avatargen.commands.learn.evaluate_runs import Row, snapshots, table
 from avatargen.errors import InputError
-from avatargen.metrics.evaluate import evaluate
+from avatargen.metrics.evaluate import examine
 from tests.small_run import BODY, CONFIG, make_data, small_run
 
 
@@ -45,9 +45,7 @@ def test_runs_are_measured_once_and_a_damaged_table_is_refused(tmp_path: Path, m
     assert kept[-1].read_bytes() == (tmp_path / "run" / "generator.safetensors").read_bytes()
     monkeypatch.setattr("avatargen.avatar.training_body", lambda path: BODY)
     calls = []
-    monkeypatch.setattr(
-        "avatargen.metrics.evaluate.evaluate", lambda *rest: calls.append(1) or evaluate(*rest)
-    )
+    monkeypatch.setattr("avatargen.metrics.evaluate.examine", lambda *rest: calls.append(1) or examine(*rest))
     words = ["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "out")]
     words += ["--data", str(tmp_path / "data"), "--reference", str(tmp_path / "data")]
     assert evaluate_runs.main(words) == 0

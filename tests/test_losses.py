@@ -9,7 +9,7 @@ from torch.autograd import gradcheck, gradgradcheck
 from avatargen.errors import InputError
 from avatargen.generator.config import GeometryConfig
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, Person, make_people
+from avatargen.generator.picture import CanonicalSurface, People, make_people
 from avatargen.training.discriminator import Discriminator, DiscriminatorConfig, variety
 from avatargen.training.losses import (
     discriminator_loss,
@@ -24,20 +24,19 @@ from tests.generators import debug_config, random_generator
 SURFACE = CanonicalSurface(capsule_body(0.04))
 
 
-def people_of(generator: AvatarGenerator) -> list[Person]:
+def people_of(generator: AvatarGenerator) -> People:
     w = torch.randn(2, 32, generator=torch.Generator().manual_seed(0)).to(generator.density.p)
     poses = torch.zeros(2, 24, 3).to(w)
     poses[:, 16, 2] = -0.6
     return make_people(generator, SURFACE, w, generator.planes(w), poses, torch.zeros(2, 10).to(w))
 
 
-def draws() -> list[torch.Generator]:
-    return [torch.Generator().manual_seed(i) for i in range(2)]
+SEEDS = torch.arange(2)
 
 
 def test_an_untrained_field_is_the_body_and_loses_nothing_by_it():
     generator = AvatarGenerator(debug_config())
-    losses = geometry_losses(generator, SURFACE, people_of(generator), 300, draws())
+    losses = geometry_losses(generator, people_of(generator), 300, SEEDS)
     assert float(losses.eikonal.detach()) < 0.03  # creases of the skinning
     assert float(losses.smpl.detach()) < 1e-4  # metres
     assert 0.05 < float(losses.minimal_surface.detach()) < 0.6
@@ -49,7 +48,7 @@ def test_a_shifted_field_costs_its_shift_and_never_explodes_inside():
         # half a metre inside, as far as the limit allows
         generator.decoder.get_parameter("networks.0.geometry.bias")[0] = -5.0
     people = people_of(generator)
-    losses = geometry_losses(generator, SURFACE, people, 100, draws())
+    losses = geometry_losses(generator, people, 100, SEEDS)
     expected = 0.5 * torch.tanh(torch.tensor(5.0 * 0.1 / 0.5))
     assert float(losses.smpl.detach()) == pytest.approx(float(expected), rel=1e-3)
     assert float(losses.minimal_surface.detach()) < 1e-6
@@ -57,20 +56,20 @@ def test_a_shifted_field_costs_its_shift_and_never_explodes_inside():
 
 def test_density_has_no_geometry_losses():
     generator = AvatarGenerator(replace(debug_config(), geometry=GeometryConfig(representation="density")))
-    losses = geometry_losses(generator, SURFACE, people_of(generator), 10, draws())
+    losses = geometry_losses(generator, people_of(generator), 10, SEEDS)
     assert [float(value) for value in vars(losses).values()] == [0.0, 0.0, 0.0]
 
 
 def test_the_slope_reaches_the_planes_by_gradcheck_in_float64():
     """The penalty on the slope, differentiated by the features of the planes, once and twice."""
     generator = random_generator().double()
-    one = people_of(generator)[0]
+    one = people_of(generator).parts[0]
     with torch.no_grad():
         generator.decoder.get_parameter("networks.0.geometry.weight").mul_(0.1)
-    points = torch.from_numpy(one.posed.vertices[::200] + 0.01)
+    points = one.posed.vertices[:, ::200].double() + 0.01
 
     def penalty(planes: torch.Tensor) -> torch.Tensor:
-        _, slope = distance_and_slope(generator, SURFACE, replace(one, planes=planes), points)
+        _, slope = distance_and_slope(generator, replace(one, planes=planes), points)
         return (slope - 1).square().mean()
 
     planes = one.planes.detach()[:, :, :, 4:8, 4:8].clone().requires_grad_()
@@ -83,7 +82,7 @@ def test_the_slope_reaches_the_planes_by_gradcheck_in_float64():
 
 def test_the_eikonal_loss_moves_the_synthesis():
     generator = random_generator()
-    losses = geometry_losses(generator, SURFACE, people_of(generator), 50, draws())
+    losses = geometry_losses(generator, people_of(generator), 50, SEEDS)
     losses.eikonal.backward()
     assert generator.synthesis.constant.grad is not None
     assert generator.synthesis.constant.grad.abs().max() > 0

@@ -11,30 +11,24 @@ from scipy.linalg import sqrtm
 
 from avatargen.body.model import pose, shape
 from avatargen.body.pose import named_pose
-from avatargen.data.dataset import open_pictures
+from avatargen.data.dataset import Pictures, open_pictures
 from avatargen.data.joints import project
 from avatargen.data.raycast import Light, shoot
 from avatargen.errors import InputError
 from avatargen.generator.camera import Camera, camera_of_vector, front_camera, rays
 from avatargen.generator.canonical import canonical_map
-from avatargen.generator.picture import CanonicalSurface
 from avatargen.metrics.clothes import bare_depths, clothes_error, offsets, true_depth
-from avatargen.metrics.evaluate import (
-    EvalConfig,
-    data_and_reference,
-    evaluate,
-    finer,
-    generate,
-    halves,
-    holds_depth,
-    interval,
-)
+from avatargen.metrics.evaluate import data_and_reference, examine, halves, set_exam
 from avatargen.metrics.features import all_features, load_inception, random_features
+from avatargen.metrics.finer import model_of
 from avatargen.metrics.frechet import covariance, distance_error, frechet_distance
-from avatargen.metrics.joints import fit_joints, true_joints
-from avatargen.metrics.warp import carry, warp_error
-from avatargen.training.adversarial import generator_config
-from avatargen.training.adversarial_state import new_state
+from avatargen.metrics.joints import RIDGE_POSE, fit_joints, ridge_judge, true_joints
+from avatargen.metrics.judges import BUILT_IN, Judges
+from avatargen.metrics.kernel_distance import kernel_distance
+from avatargen.metrics.report import mean
+from avatargen.metrics.shown import ShowConfig, show, turned_camera
+from avatargen.metrics.warp import Pair, carry, pose_error, side_error
+from avatargen.training.avatar_model import avatar_model
 from tests.bodies import capsule_body
 from tests.small_run import BODY, CONFIG, SIZE, make_data
 
@@ -149,55 +143,106 @@ def test_warp_error_is_small_for_one_person_and_large_for_two():
         torch.stack(part) for part in zip(*(seen_by(camera, *one, 64) for one in people), strict=True)
     )
     maps = (people[0][1], people[1][1])
-    same = warp_error(color, depth, mask, both, maps)
-    other = warp_error(torch.stack([color[0], 1 - color[1]]), depth, mask, both, maps)
+    pair = Pair(colors=color, depth=depth, mask=mask, camera=both)
+    same = pose_error(pair, maps)
+    other = pose_error(replace(pair, colors=torch.stack([color[0], 1 - color[1]])), maps)
     assert same < 0.03 < 0.1 < other
-    assert np.isnan(warp_error(color, depth, mask * 0, both, maps))
+    assert np.isnan(pose_error(replace(pair, mask=mask * 0), maps))
 
     vertices = people[0][0].vertices
     assert np.abs(carry(vertices, *maps) - people[1][0].vertices).max() < 1e-4
 
 
+def orbit(degrees: float) -> Camera:
+    """A camera at the capsule figure's height, so many degrees to the side."""
+    front = front_camera()
+    cam2world = front.cam2world.clone()
+    cam2world[:, 1, 3] = 0.8
+    vector = turned_camera(replace(front, cam2world=cam2world).vector, torch.tensor([degrees]))
+    return camera_of_vector(vector)
+
+
+def two_sides(turn: float) -> Pair:
+    """The capsule figure as two cameras see it."""
+    posed, mapping = person(turn)
+    cameras = [orbit(0.0), orbit(30.0)]
+    color, depth, mask = (
+        torch.stack(part)
+        for part in zip(*(seen_by(camera, posed, mapping, 64) for camera in cameras), strict=True)
+    )
+    vectors = torch.cat([camera.vector for camera in cameras])
+    return Pair(colors=color, depth=depth, mask=mask, camera=camera_of_vector(vectors))
+
+
+def test_a_turned_camera_looks_at_the_same_axis_from_the_same_distance():
+    camera, turned = orbit(0.0), orbit(30.0)
+    eye, other = (each.cam2world[0, :3, 3] for each in (camera, turned))
+    assert torch.allclose(eye.norm(), other.norm()) and eye[1] == other[1]
+    assert float(torch.atan2(other[0], other[2])) == pytest.approx(np.radians(30), abs=1e-6)
+    assert project(np.array([[0.0, 0.8, 0.0]]), turned.vector[0].numpy())[0] == pytest.approx(
+        [0.5, 0.5], abs=1e-6
+    )
+
+
+def test_warp_from_two_sides_grows_with_noise_shifted_depth_and_another_person():
+    pair = two_sides(0.0)
+    exact = side_error(pair)
+    assert exact < 0.02
+    noise = torch.randn(pair.colors.shape, generator=torch.Generator().manual_seed(0))
+    noisy = [side_error(replace(pair, colors=pair.colors + s * noise)) for s in (0.05, 0.1, 0.2)]
+    shifted = [side_error(replace(pair, depth=pair.depth - s)) for s in (0.03, 0.06, 0.12)]
+    assert [exact, *noisy] == sorted([exact, *noisy]) and [exact, *shifted] == sorted([exact, *shifted])
+    assert noisy[-1] > 5 * exact and shifted[-1] > 2 * exact
+    once = {name: getattr(pair, name)[:1] for name in ("colors", "depth", "mask")}
+    flat = replace(pair, **{name: torch.cat([one, one]) for name, one in once.items()})
+    assert side_error(flat) > 2 * exact  # a picture that does not turn with the camera
+    assert np.isnan(side_error(replace(pair, mask=pair.mask * 0)))
+
+
+def test_the_kernel_distance_is_unbiased_and_grows():
+    """Of two sets of one kind it is zero on average, whatever their size; the plain sum is the same."""
+    values = [kernel_distance(RNG.normal(size=(20, 4)), RNG.normal(size=(30, 4)))[0] for _ in range(300)]
+    assert abs(np.mean(values)) < 3 * np.std(values) / np.sqrt(len(values)) and min(values) < 0
+    a, b = RNG.normal(size=(7, 3)), RNG.normal(size=(5, 3)) + 1
+    pairs = [[(x, y) for i, x in enumerate(s) for j, y in enumerate(s) if i != j] for s in (a, b)]
+    pairs.append([(x, y) for x in a for y in b])
+    first, second, across = (np.mean([(x @ y / 3 + 1) ** 3 for x, y in each]) for each in pairs)
+    plain = first + second - 2 * across
+    assert kernel_distance(a, b)[0] == pytest.approx(plain, rel=1e-9)
+    shifted = [kernel_distance(a, a + s)[0] for s in (0.5, 1, 2)]
+    assert shifted == sorted(shifted)
+
+
 def test_means_have_intervals_and_nothing_measured_is_said():
-    number = interval(np.array([1.0, 2.0, np.nan, 3.0] * 20))
+    number = mean(np.array([1.0, 2.0, np.nan, 3.0] * 20))
     assert number is not None and number.value == pytest.approx(2) and number.count == 60
     assert 1.7 < number.low < 1.9 and 2.1 < number.high < 2.3
-    assert interval(np.array([np.nan])) is None
+    assert mean(np.array([np.nan])) is None
     with pytest.raises(InputError, match="20 or more"):
-        EvalConfig(pictures=3)
+        ShowConfig(pictures=3)
+
+
+def judges(pictures: Pictures) -> Judges:
+    """Those that are always there."""
+    return Judges(features=(BUILT_IN,), joints=ridge_judge(pictures, BODY, 100))
 
 
 def test_a_generator_is_measured(tmp_path: Path):
     make_data(tmp_path / "data")
     pictures = open_pictures(tmp_path / "data", SIZE)
-    networks = generator_config(CONFIG, BODY, None)
-    state = new_state(CONFIG, networks, pictures.labels.rows().shape[1], torch.device("cpu"))
-    features = ("frechet distance", random_features)
-    report = evaluate(state.average, CanonicalSurface(BODY), pictures, pictures, features, EvalConfig())
-    assert set(report.numbers) == {"frechet distance", "pose (% of the picture)"}
-    assert report.left_out == (
-        "depth (mm)",
-        "clothes (mm)",
-        "warp",
-    )  # no true depth here, and nobody solid yet
-    assert report.numbers["pose (% of the picture)"].count == 8
+    model = model_of(avatar_model(CONFIG, BODY).networks.eval().requires_grad_(False), BODY, None)
+    by, config = judges(pictures), ShowConfig(pictures=20, reposed=4)
+    report = examine(model, set_exam(pictures, pictures, BODY, by, config, model.render.raw_size))
+    assert set(report.numbers) == {"frechet distance", "kernel distance", RIDGE_POSE}
+    # no true depth here, and nobody solid yet
+    assert report.left_out == ("depth (mm)", "clothes (mm)", "warp", "warp across poses")
+    assert report.numbers[RIDGE_POSE].count == 8
     assert report.floors["frechet distance"].value < 0.01 * report.numbers["frechet distance"].value
-    assert report.floors["pose (% of the picture)"].value < report.numbers["pose (% of the picture)"].value
-    assert report.table().count("\n") == 3 and report.seconds["total"] > 0
+    assert report.floors[RIDGE_POSE].value < report.numbers[RIDGE_POSE].value
+    assert report.table().count("\n") == 4 and report.seconds["total"] > 0
     strange = replace(pictures, labels=replace(pictures.labels, body="f" * 64))
     with pytest.raises(InputError, match="another body"):
-        evaluate(state.average, CanonicalSurface(BODY), strange, pictures, features, EvalConfig())
-
-
-def test_true_depth_wants_the_library_that_follows_rays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    make_data(tmp_path / "data")
-    pictures = open_pictures(tmp_path / "data", SIZE)
-    monkeypatch.setattr("avatargen.extras.find_spec", lambda name: None)
-    assert not holds_depth(pictures)
-    pictures.path("depth", 0).parent.mkdir()
-    pictures.path("depth", 0).touch()
-    with pytest.raises(InputError, match=r"found no embreex, .* 'avatargen\[train\]'"):
-        holds_depth(pictures)
+        set_exam(strange, pictures, BODY, by, config, 8)
 
 
 def test_a_set_alone_is_its_own_reference_in_halves(tmp_path: Path):
@@ -248,21 +293,19 @@ def make_depth(folder: Path, by: float | None):
 def test_sharp_geometry_is_measured_with_finer_samples_than_it_was_trained_with(tmp_path: Path):
     """With six samples a ray a surface of 1 mm is seen half a centimetre off; with 48 it is not."""
     pictures = make_depth(tmp_path / "data", 0.0)
-    networks = generator_config(CONFIG, BODY, None)
-    networks = replace(networks, render=replace(networks.render, raw_size=16, initial_alpha=1e-3))
-    generator = new_state(replace(CONFIG, render=networks.render), networks, 107, torch.device("cpu")).average
-    surface, chosen = CanonicalSurface(BODY), torch.arange(4)
+    render = replace(CONFIG.render, raw_size=16, initial_alpha=1e-3)
+    generator = avatar_model(replace(CONFIG, render=render), BODY).networks.requires_grad_(False)
     own, fine, exact = (
-        generate(one, surface, pictures, chosen, 0)[0]
-        for one in (generator, finer(generator, 48), finer(generator, 300))
+        show(model_of(generator, BODY, samples), pictures, ShowConfig(pictures=20, turned=0, reposed=0)).first
+        for samples in (None, 48, 300)
     )
     assert generator.config.render.samples == 6
-    solid = (own.mask > 0.9) & (exact.mask > 0.9)
-    errors = [float((one.depth - exact.depth)[solid].abs().mean()) for one in (own, fine)]
+    solid = (own.cover() > 0.9) & (exact.cover() > 0.9)
+    errors = [float((one.metres() - exact.metres())[solid].abs().mean()) for one in (own, fine)]
     assert errors[1] < 0.001 < 0.005 < errors[0]
 
-    report = evaluate(
-        generator, surface, pictures, pictures, ("frechet distance", random_features), EvalConfig()
-    )
+    config = ShowConfig(pictures=20)
+    exam = set_exam(pictures, pictures, BODY, judges(pictures), config, 16)
+    report = examine(model_of(generator, BODY, 48), exam)
     assert report.numbers["depth (mm)"].value < 30 and report.numbers["clothes (mm)"].value < 30
     assert report.floors["clothes (mm)"].value == 0  # the same people

@@ -10,7 +10,7 @@ import pytest
 from avatargen.commands import main
 from avatargen.commands.bench.run import Grid
 from avatargen.errors import InputError
-from avatargen.metrics.evaluate import EvalConfig
+from avatargen.metrics.shown import ShowConfig
 from avatargen.ranges import require_ranges
 from avatargen.training.adversarial_config import LossConfig, OptimizerConfig, VarietyConfig
 from avatargen.training.warm_start import RANGES, WarmStartConfig
@@ -70,7 +70,7 @@ def test_no_setting_of_a_training_is_forgotten(config: object) -> None:
             "found samples 1, wanted 2",
         ),
         ("eval --weights w --data d --out f.json --measure.pictures 3", "3 pictures say nothing"),
-        ("eval --weights w --data d --out f.json --measure.samples 1", "found samples 1, wanted 2"),
+        ("eval --weights w --data d --out f.json --samples 1", "found samples 1, wanted 2"),
         ("eval rays --data d --out run --pictures 0", "found pictures 0, wanted 1"),
         ("eval ablations --data d --held-out h --out run --images 0", "found images 0, wanted 1"),
         ("bench --out run --grid.resolutions 4", "found resolutions 4, wanted 32 to 2048"),
@@ -93,6 +93,6 @@ def test_sizes_out_of_range_are_one_line_and_no_file(
 
 def test_a_measure_of_few_pictures_says_nothing() -> None:
     with pytest.raises(InputError, match="say nothing"):
-        EvalConfig(pictures=19)
+        ShowConfig(pictures=19)
     with pytest.raises(InputError, match="found neighbours 5"):
         Grid(neighbours=(1, 5))

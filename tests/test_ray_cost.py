@@ -9,7 +9,7 @@ from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface
 from avatargen.metrics import ray_cost
 from avatargen.metrics.ray_cost import ray_costs, table
-from avatargen.training.adversarial import generator_config
+from avatargen.training.avatar_model import generator_config
 from tests.small_run import BODY, CONFIG, make_data
 
 

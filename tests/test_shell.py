@@ -12,12 +12,14 @@ from avatargen.generator.camera import front_camera, rays
 from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.picture import CanonicalSurface, make_people, picture_people
-from avatargen.generator.shell import CELL, shell_around, shell_samples
+from avatargen.generator.renderer import Samples
+from avatargen.generator.shell import CELL, Shell, shell_around, shell_samples
 from tests.bodies import capsule_body
 from tests.generators import capsule_canonical, debug_config
 
 REACH = 0.1
-VERTICES = capsule_canonical().vertices.astype(np.float64)
+VERTICES = capsule_canonical().vertices
+BODIES = torch.from_numpy(VERTICES)[None]
 DOWN = torch.tensor([0.0, 0.8, 0.0])  # the capsule figure stands on y = 0; look at its middle
 
 
@@ -26,20 +28,28 @@ def rays_at_body(size: int) -> tuple[torch.Tensor, torch.Tensor]:
     return origin + DOWN, direction
 
 
+def samples_of(
+    shell: Shell, origin: torch.Tensor, direction: torch.Tensor, count: int, seeds: torch.Tensor | None = None
+) -> tuple[Samples, torch.Tensor]:
+    """Of one person."""
+    samples, far = shell_samples(shell, origin[None], direction[None], count, seeds)
+    return Samples(depth=samples.depth[0], length=samples.length[0]), far[0]
+
+
 def test_every_point_within_reach_is_in_the_shell_and_far_ones_are_not():
-    shell, rng = shell_around(VERTICES, REACH), np.random.default_rng(0)
+    shell, rng = shell_around(BODIES, REACH), np.random.default_rng(0)
     points = rng.uniform(VERTICES.min(0) - 0.4, VERTICES.max(0) + 0.4, size=(20_000, 3))
     away = KDTree(VERTICES).query(points)[0]
-    held = shell.holds(torch.from_numpy(points.astype(np.float32))).numpy()
+    held = shell.holds(torch.from_numpy(points.astype(np.float32))[None])[0].numpy()
     assert held[away < REACH].all()
     assert not held[away > REACH + 2 * np.sqrt(3) * CELL].any()
 
 
 def test_samples_are_equally_dense_in_the_shell_and_nowhere_else():
-    shell, (origin, direction) = shell_around(VERTICES, REACH), rays_at_body(24)
-    samples, far = shell_samples(shell, origin, direction, 16, torch.Generator().manual_seed(0))
+    shell, (origin, direction) = shell_around(BODIES, REACH), rays_at_body(24)
+    samples, far = samples_of(shell, origin, direction, 16, torch.tensor([3]))
     dense = torch.linspace(2.0, 4.5, 2501)
-    held = shell.holds(origin[:, None] + dense[:, None] * direction[:, None])
+    held = shell.holds((origin[:, None] + dense[:, None] * direction[:, None])[None])[0]
     length = held.sum(dim=1) * 0.001  # metres
     hit = samples.length.any(dim=1)
 
@@ -50,12 +60,12 @@ def test_samples_are_equally_dense_in_the_shell_and_nowhere_else():
     assert (torch.diff(samples.depth[hit], dim=1) > -1e-6).all()
     assert (samples.depth[hit] < far[hit, None]).all()
     points = origin[hit, None] + samples.depth[hit, :, None] * direction[hit, None]
-    assert shell.holds(points).float().mean() > 0.95  # a piece is marked by its middle
+    assert shell.holds(points[None]).float().mean() > 0.95  # a piece is marked by its middle
 
 
 def test_the_middles_of_bins_need_no_draw():
-    shell, (origin, direction) = shell_around(VERTICES, REACH), rays_at_body(8)
-    first, again = (shell_samples(shell, origin, direction, 5)[0].depth for _ in range(2))
+    shell, (origin, direction) = shell_around(BODIES, REACH), rays_at_body(8)
+    first, again = (samples_of(shell, origin, direction, 5)[0].depth for _ in range(2))
     assert torch.equal(first, again)
 
 
@@ -70,7 +80,7 @@ def picture(geometry: GeometryConfig, **render: object):
     people = make_people(generator, surface, w, generator.planes(w), poses, betas)
     camera = front_camera()
     camera.cam2world[:, :3, 3].add_(DOWN)
-    return generator, picture_people(generator, surface, people, camera, [None])
+    return generator, picture_people(generator, people, camera, None)
 
 
 def test_few_samples_in_the_shell_see_what_many_see():

@@ -12,7 +12,7 @@ from avatargen.errors import InputError
 from avatargen.wardrobe import MARKS
 from avatargen.wardrobe.attributes import LATENT_SIZE, People, phenotype
 from avatargen.wardrobe.chart import CLOSING, Chart
-from avatargen.wardrobe.layers import Layer, over, smooth_min, when
+from avatargen.wardrobe.layers import Layer, bump, over_those, smooth_min
 from avatargen.wardrobe.person import dress_up
 
 
@@ -96,17 +96,26 @@ def test_the_target_is_close_to_a_distance(chart: Chart, people: People):
     assert (slope > 4).float().mean() < 1e-3  # the body's own toes and lips touch: its distance jumps there
 
 
-def test_an_empty_wardrobe_choice_changes_nothing():
-    below = Layer(
-        sdf=torch.linspace(-1, 1, 9)[None],
-        color=torch.rand(1, 9, 3, generator=torch.Generator().manual_seed(0)),
-    )
-    hidden = when(torch.zeros(1, 1), Layer(sdf=torch.full((1, 9), -5.0), color=torch.zeros(1, 9, 3)))
-    result = over(Layer(sdf=below.sdf * 0.1, color=below.color), hidden)
+def test_a_layer_is_made_and_laid_only_over_those_who_wear_it():
+    random = torch.Generator().manual_seed(0)
+    below = Layer(sdf=torch.linspace(-0.1, 0.1, 9).expand(2, -1), color=torch.rand(2, 9, 3, generator=random))
+    layer = Layer(sdf=torch.full((2, 9), -5.0), color=torch.zeros(2, 9, 3))
+    result = over_those(below, torch.tensor([[0.0], [1.0]]), lambda: layer)
+    assert torch.equal(result.sdf[0], below.sdf[0]) and torch.equal(result.color[0], below.color[0])
+    assert torch.equal(result.sdf[1], layer.sdf[1]) and torch.equal(result.color[1], layer.color[1])
 
-    assert torch.allclose(result.sdf, below.sdf * 0.1) and torch.allclose(
-        result.color, below.color, atol=1e-6
-    )
+    def unasked() -> Layer:
+        raise AssertionError
+
+    assert over_those(below, torch.zeros(2, 1), unasked) is below
+
+
+def test_a_bump_is_the_gaussian_however_far():
+    x = torch.linspace(-3, 3, 601)
+    wanted = torch.exp(-((x.double() / 0.1) ** 2))
+    found = bump(x, 0.0, 0.1)
+    assert torch.allclose(found.double(), wanted, rtol=1e-4, atol=2e-38)
+    assert found.min() >= torch.finfo(torch.float32).tiny  # smaller ones take ten times as long
 
 
 def test_smooth_min_is_within_a_quarter_radius_of_the_minimum():

@@ -66,6 +66,11 @@ COMMANDS = (
         function="avatargen.commands.learn.data_prepare:main",
     ),
     Command(
+        words=("data", "pack"),
+        summary="a data set's pictures in one file, which training maps into memory",
+        function="avatargen.commands.learn.data_pack:main",
+    ),
+    Command(
         words=("train", "warm-start"),
         summary="train a generator on the procedural wardrobe; the same command resumes",
         function="avatargen.commands.learn.train_warm_start:main",
@@ -86,9 +91,24 @@ COMMANDS = (
         function="avatargen.commands.learn.train:main",
     ),
     Command(
+        words=("eval", "baselines"),
+        summary="train and measure the methods of the paper's Table 1; the same command resumes",
+        function="avatargen.commands.learn.tables:baselines",
+    ),
+    Command(
         words=("eval", "ablations"),
-        summary="train and measure every choice of the paper's Table 2",
-        function="avatargen.commands.learn.ablations:main",
+        summary="train and measure every choice of the paper's Table 2; the same command resumes",
+        function="avatargen.commands.learn.tables:ablations",
+    ),
+    Command(
+        words=("eval", "tables"),
+        summary="both tables at once, in a given time, on one machine or two",
+        function="avatargen.commands.learn.tables:tables",
+    ),
+    Command(
+        words=("eval", "metrics"),
+        summary="whether the metrics see blur, noise, shifted depth and swapped poses: a table",
+        function="avatargen.commands.learn.validate_metrics:main",
     ),
     Command(
         words=("eval", "runs"),

@@ -1,5 +1,7 @@
 """A folder of pictures with labels, as training and evaluation read it.
 
+The pictures are files of their own, or all in one (`avatargen.data.packed`), as is found in the folder.
+
 Letters: N pictures, S pixels a side, J joints, b directions of shape.
 """
 
@@ -7,23 +9,26 @@ import io
 import struct
 import warnings
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8, UInt16
 from PIL import Image
 from torch import Tensor
 
 from avatargen.data.labels import FILE_NAME, Labels, read_labels
+from avatargen.data.packed import PACK_NAME, Pack, read_pack
 from avatargen.data.units import DEPTH_UNIT
 from avatargen.eight_bits import eight_bits
 from avatargen.errors import InputError
-from avatargen.run_folder import digest_files
+from avatargen.run_folder import digest, digest_arrays, digest_files
 
 FORMATS = ("PNG", "JPEG", "WEBP")
 MOST_PIXELS = 4096  # along a side
+KINDS = ("images", "masks", "depth")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,35 +38,65 @@ class Pictures:
     folder: Path
     labels: Labels
     size: int
+    pack: Pack | None = None
 
     def __len__(self) -> int:
         return len(self.labels)
 
+    def pixels(self, indices: Tensor) -> UInt8[Tensor, "N 3 S S"]:
+        """sRGB 0..255 of several pictures."""
+        return torch.from_numpy(self.read("images", indices.tolist())).permute(0, 3, 1, 2)
+
     def image(self, index: int) -> Float[Tensor, "3 S S"]:
         """sRGB 0..1."""
-        return torch.from_numpy(self.read("images", index, "RGB").astype(np.float32) / 255).permute(2, 0, 1)
+        return self.pixels(torch.tensor([index]))[0].float() / 255
 
     def mask(self, index: int) -> Float[Tensor, "S S"]:
         """Coverage 0..1."""
-        return torch.from_numpy(self.read("masks", index, "L").astype(np.float32) / 255)
+        return torch.from_numpy(self.read("masks", [index])[0]).float() / 255
 
     def depth(self, index: int) -> Float[Tensor, "H H"]:
         """True distance along the ray in metres, at the size it was made in; 0 beside the person."""
-        picture = open_picture(self.path("depth", index))
-        return torch.from_numpy(np.asarray(picture).astype(np.float32) * DEPTH_UNIT)
+        return torch.from_numpy(self.depth_steps(index).astype(np.float32) * DEPTH_UNIT)
+
+    def depth_steps(self, index: int) -> UInt16[np.ndarray, "H H"]:
+        """The same in steps of DEPTH_UNIT, as it is stored."""
+        name = self.labels.names[index]
+        if self.pack is not None and self.pack.holds([name]):
+            return self.pack.depth(name)
+        return np.asarray(open_picture(self.path("depth", index))).astype(np.uint16)
+
+    def holds(self, kind: str) -> bool:
+        """Whether there are images, masks or depth: those of the first picture tell for all."""
+        if self.pack is not None and self.pack.holds(self.labels.names[:1]):
+            return kind in self.pack.arrays
+        return self.path(kind, 0).exists()
+
+    def own_size(self) -> int:
+        """Pixels a side of the first picture as it is stored."""
+        if self.pack is not None and self.pack.holds(self.labels.names[:1]):
+            return self.pack.arrays["images"].shape[1]
+        return open_picture(self.path("images", 0)).width
 
     def path(self, kind: str, index: int) -> Path:
+        """Where a picture lies that has a file of its own."""
         return self.folder / kind / self.labels.names[index].removeprefix("images/")
 
-    def read(self, kind: str, index: int, mode: str) -> np.ndarray:
-        path = self.path(kind, index)
-        made = eight_bits(open_picture(path)).convert(mode)
+    def read(self, kind: str, indices: Sequence[int]) -> UInt8[np.ndarray, "N S S *c"]:
+        """Images or masks. Raises InputError where one is broken, or of no multiple of the size."""
+        names = [self.labels.names[i] for i in indices]
+        if self.pack is not None and self.pack.holds(names):
+            return self.pack.read(kind, names, self.size)
+        if len(indices) != 1:
+            return np.concatenate([self.read(kind, [i]) for i in indices])
+        path = self.path(kind, indices[0])
+        made = eight_bits(open_picture(path)).convert("RGB" if kind == "images" else "L")
         if made.width != made.height or made.width % self.size:
             raise InputError(
                 f"data: {path} is {made.width} x {made.height} pixels; a square multiple of {self.size} "
                 "is needed"
             )
-        return np.asarray(made.reduce(made.width // self.size))
+        return np.array(made.reduce(made.width // self.size))[None]
 
     def part(self, which: slice) -> "Pictures":
         """Some of the pictures."""
@@ -72,8 +107,11 @@ class Pictures:
 
     def contents(self) -> str:
         """A hash of labels and pictures: the same of the same data set, wherever it lies."""
-        kinds = ("images", "masks", "depth")
-        files = [self.path(kind, i) for i in range(len(self)) for kind in kinds]
+        if self.pack is not None and self.pack.holds(self.labels.names):
+            self.pack.check()
+            labels = digest(self.folder / FILE_NAME)
+            return digest_arrays({**self.pack.digests, "labels": labels, "names": self.labels.names})
+        files = [self.path(kind, i) for i in range(len(self)) for kind in KINDS]
         return digest_files(self.folder, [self.folder / FILE_NAME, *files])
 
     def choose(self, shape: tuple[int, ...], random: torch.Generator) -> Tensor:
@@ -111,12 +149,21 @@ def open_picture(path: Path) -> Image.Image:
 
 
 def open_pictures(folder: Path, size: int) -> Pictures:
-    """The data set in a folder.
+    """The data set in a folder. Pictures that its file of all does not hold are files of their own.
 
     Raises:
-        InputError: the folder holds no readable dataset.json, or no pictures.
+        InputError: the folder holds no readable dataset.json, no pictures, or a damaged file of them.
     """
     labels = read_labels(folder / FILE_NAME)
     if not len(labels):
         raise InputError(f"data: {folder} lists no pictures; make or prepare some")
-    return Pictures(folder=folder, labels=labels, size=size)
+    if not (folder / PACK_NAME).exists():
+        return Pictures(folder=folder, labels=labels, size=size)
+    pack = read_pack(folder / PACK_NAME)
+    pictures = Pictures(folder=folder, labels=labels, size=size, pack=pack)
+    for i, name in enumerate(labels.names):
+        if name not in pack.rows and not pictures.path("images", i).exists():
+            raise InputError(
+                f"data: {pack.path} holds no {name}, which {FILE_NAME} lists; pack the data set anew"
+            )
+    return pictures

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields
 
 import igl
 import numpy as np
+import scipy.ndimage
 import scipy.sparse
 import torch
 from jaxtyping import Bool, Float, Float32, Float64, Int64
@@ -34,6 +35,7 @@ REACH = (
     0.12,
 )  # metres from the body within which the surface is looked for; from there it is followed
 NEAR = 1.25  # coarse cells whose field is within this many half diagonals may hold the surface
+LOOK_AHEAD = 4  # coarse cells around those into which the surface is followed
 SMOOTHING = 15  # rounds that even out skinning weights off the body, each about a cell far
 LOOSE = (0.01, 0.05)  # metres from the body between which smoothing sets in
 CUBE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
@@ -49,6 +51,7 @@ class DressedMesh:
     weights: Float64[np.ndarray, "V J"]
     betas: Float32[np.ndarray, " b"]
     rest: Float64[np.ndarray, "V 3"]  # in the T-pose, with the person's own shape
+    joints: Float64[np.ndarray, "J 3"]  # likewise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,22 +102,29 @@ class Tailor:
         faces = faces[:, ::-1].astype(np.int64) if inward(vertices, faces) else faces.astype(np.int64)
         low, high, share = self.edge(vertices, region.corners)
 
-        def along(values: np.ndarray) -> np.ndarray:
-            return values[low] + (values[high] - values[low]) * share[:, None]
+        def along(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+            return low + (high - low) * share[:, None]
+
+        def on_body(values: np.ndarray) -> np.ndarray:
+            ends = (
+                spread(values, places.corners[row].numpy(), places.barycentric[row].double().numpy())
+                for row in (torch.from_numpy(low), torch.from_numpy(high))
+            )
+            return along(*ends)
 
         betas = self.betas(people)
-        on_body = (places.corners.numpy(), places.barycentric.double().numpy())
-        weights = along(spread(self.body.weights, on_body))
-        weights = smooth_weights(weights, faces, along(places.body.double().numpy()[:, None])[:, 0])
-        offsets = along(spread(self.body.source.shapedirs @ betas, on_body))
+        away = places.body.double().numpy()[:, None]
+        weights = smooth_weights(on_body(self.body.weights), faces, along(away[low], away[high])[:, 0])
+        offsets = on_body(self.body.source.shapedirs @ betas)
         rest = transform(invert_blend(weights, self.T_canonical_rest), vertices) + offsets
         return DressedMesh(
             vertices=vertices,
             faces=faces,
-            colors=along(region.color).astype(np.float32),
+            colors=along(region.color[low], region.color[high]).astype(np.float32),
             weights=weights,
             betas=betas,
             rest=rest,
+            joints=shape_body(self.body.source, betas).joints,
         )
 
     def near_surface(self, people: People) -> Region:
@@ -126,8 +136,21 @@ class Tailor:
         while len(wanted):
             listed[tuple(wanted.T)] = True
             regions.append(self.fine_cells(wanted, people))
-            wanted = self.beyond(regions[-1], listed)
+            leaving = self.beyond(regions[-1], listed)
+            wanted = np.argwhere(leaving | self.ahead(leaving, listed, people))
         return regions[0] if len(regions) == 1 else self.merged(regions)
+
+    def ahead(
+        self, leaving: Bool[np.ndarray, "x y z"], listed: Bool[np.ndarray, "x y z"], people: People
+    ) -> Bool[np.ndarray, "x y z"]:
+        """Coarse cells around those, where the field is small: one question instead of one a cell."""
+        found = np.zeros_like(leaving)
+        if leaving.any():
+            around = scipy.ndimage.binary_dilation(leaving, np.ones((3, 3, 3)), LOOK_AHEAD) & ~listed
+            cells = np.argwhere(around)
+            sdf = dress_up(self.places_of(self.keys(2 * cells + 1))[None], people).sdf[0].numpy()
+            found[tuple(cells[np.abs(sdf) < NEAR * np.sqrt(3) * self.cell].T)] = True
+        return found
 
     def fine_cells(self, coarse: Int64[np.ndarray, "C 3"], people: People) -> Region:
         """The field at the corners of the eight fine cells of each coarse one."""
@@ -144,20 +167,19 @@ class Tailor:
         crossed = inside.any(axis=1) & ~inside.all(axis=1)
         return Region(corners=corners, sdf=sdf, color=color, cells=cells[crossed], rows=rows[crossed])
 
-    def beyond(self, region: Region, listed: Bool[np.ndarray, "x y z"]) -> Int64[np.ndarray, "C 3"]:
+    def beyond(self, region: Region, listed: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
         """Coarse cells not yet listed into which the surface leaves this region."""
         inside = (region.sdf < 0)[region.rows]
-        found = []
+        found = np.zeros_like(listed)
         for axis in range(3):
             for side in (0, 1):
                 corners = inside[:, CUBE[:, axis] == side]
-                leaves = corners.any(axis=1) & ~corners.all(axis=1)
-                step = np.zeros(3, dtype=np.int64)
-                step[axis] = 2 * side - 1
-                found.append((region.cells[leaves] + step) // 2)
-        cells = np.unique(np.concatenate(found), axis=0)
-        cells = cells[((cells >= 0) & (cells < self.coarse_counts)).all(axis=1)]
-        return cells[~listed[tuple(cells.T)]]
+                cells = region.cells[corners.any(axis=1) & ~corners.all(axis=1)]
+                cells[:, axis] += 2 * side - 1
+                cells = cells // 2
+                within = ((cells >= 0) & (cells < self.coarse_counts)).all(axis=1)
+                found[tuple(cells[within].T)] = True
+        return found & ~listed
 
     def merged(self, regions: list[Region]) -> Region:
         """One region of several."""
@@ -217,10 +239,9 @@ def joined(first: Places, second: Places) -> Places:
 
 
 def spread(
-    values: Float[np.ndarray, "B k"], on_body: tuple[np.ndarray, np.ndarray]
+    values: Float[np.ndarray, "B k"], corners: Int64[np.ndarray, "N 3"], barycentric: Float[np.ndarray, "N 3"]
 ) -> Float64[np.ndarray, "N k"]:
-    """Values of the body's vertices at the closest body points."""
-    corners, barycentric = on_body
+    """Values of the body's vertices at places on its faces."""
     return np.einsum("nck,nc->nk", values[corners], barycentric)
 
 
@@ -255,6 +276,5 @@ def pose_mesh(
     mesh: DressedMesh, body: Body, rotations: Float[np.ndarray, "J 3"]
 ) -> Float64[np.ndarray, "V 3"]:
     """The mesh's vertices in a pose: linear blend skinning of its rest shape, metres."""
-    joints = shape_body(body, mesh.betas).joints
-    T_world_joint = forward_kinematics(joints, axis_angle_to_matrix(rotations), body.parents)
-    return skin(mesh.rest, mesh.weights, from_rest_joints(T_world_joint, joints))
+    T_world_joint = forward_kinematics(mesh.joints, axis_angle_to_matrix(rotations), body.parents)
+    return skin(mesh.rest, mesh.weights, from_rest_joints(T_world_joint, mesh.joints))

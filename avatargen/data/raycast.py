@@ -1,21 +1,23 @@
-"""Pictures of a coloured mesh by ray casting (embree), for training data with exact depth and mask.
+"""Pictures of a coloured mesh by ray casting, for training data with exact depth and mask.
 
-Letters: V vertices, F faces, S pixels a side, P rays. Metres; cameras as in `avatargen.generator.camera`.
+Letters: V vertices, F faces, S pixels a side, R rays a side. Metres; cameras as in
+`avatargen.generator.camera`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from embreex import rtcore_scene
-from embreex.mesh_construction import TriangleMesh
 from jaxtyping import Float, Float32, Int64, UInt8, UInt16
 
+from avatargen.compiled import compiled, inner
 from avatargen.data.units import DEPTH_UNIT
-from avatargen.generator.camera import Camera, rays
+from avatargen.generator.camera import Camera
 
 OVERSAMPLING = 2
 GAMMA = 2.2
+CLOSEST = 1e-6  # metres before the camera; a face that comes nearer is looked for in the whole picture
+SLACK = 1e-6  # pixels, by which rounding may put a corner elsewhere
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,65 +56,140 @@ def shoot(
 ) -> Shot:
     """A picture of `size` pixels a side, each the mean of 2 x 2 rays in linear light."""
     fine = size * OVERSAMPLING
-    origin, direction = (r[0].numpy().astype(np.float32) for r in rays(camera, fine))
-    asked = np.flatnonzero(in_frame(vertices, camera, fine))
-    scene = rtcore_scene.EmbreeScene()  # pyright: ignore[reportAttributeAccessIssue]
-    TriangleMesh(scene, vertices.astype(np.float32), faces.astype(np.int32))
-    found = scene.run(np.ascontiguousarray(origin[asked]), np.ascontiguousarray(direction[asked]), output=1)
-    hit = found["primID"] >= 0
-    rows, corner = asked[hit], faces[found["primID"][hit]]
-    u, v = found["u"][hit], found["v"][hit]
-    barycentric = np.stack([1 - u - v, u, v], axis=1)
-    color = np.einsum("pc,pcd->pd", barycentric, colors[corner])
-    normal = np.einsum("pc,pcd->pd", barycentric, vertex_normals(vertices, faces)[corner])
-    picture, depth = np.ones((fine * fine, 3)), np.zeros(fine * fine)
-    picture[rows] = np.clip(color, 0, 1) ** GAMMA * brightness(normal, light)[:, None]
-    depth[rows] = found["tfar"][hit]
-    return develop(picture, depth, size)
+    cam2world, intrinsics = camera.cam2world[0].double().numpy(), camera.intrinsics[0].double().numpy()
+    pixels_local = np.diag([fine, fine, 1.0]) @ intrinsics
+    seen = (vertices - cam2world[:3, 3]) @ (pixels_local @ np.linalg.inv(cam2world[:3, :3])).T
+    nearness, place = np.zeros((fine, fine)), np.zeros((fine, fine, 2))
+    face = np.full((fine, fine), -1, dtype=np.int32)
+    cast(seen, faces, nearness, face, place)
+    image = np.full((size, size, 3), 255, dtype=np.uint8)
+    mask, depth = np.zeros((size, size), dtype=np.uint8), np.zeros((size, size), dtype=np.uint16)
+    lamp = np.array([light.ambient, light.strength, *light.direction])
+    surface = (faces, colors, vertex_normals(vertices, faces))
+    develop(nearness, face, place, np.linalg.inv(pixels_local), surface, lamp, image, mask, depth)
+    return Shot(image=image, mask=mask, depth=depth)
 
 
-def in_frame(vertices: Float[np.ndarray, "V 3"], camera: Camera, size: int) -> np.ndarray:
-    """[size * size] bool: pixels within the box around the person; the other rays need no casting."""
-    T_camera_world = np.linalg.inv(camera.cam2world[0].double().numpy())
-    seen = vertices @ T_camera_world[:3, :3].T + T_camera_world[:3, 3]
-    pixels = seen @ camera.intrinsics[0].double().numpy().T
-    place = pixels[:, :2] / np.maximum(pixels[:, 2:], 1e-6) * size
-    low, high = np.floor(place.min(axis=0)) - 1, np.ceil(place.max(axis=0)) + 1
-    x, y = ((np.arange(size) >= low[d]) & (np.arange(size) <= high[d]) for d in (0, 1))
-    return (y[:, None] & x[None]).reshape(-1)
+@compiled
+def cast(seen, faces, nearness, face, place):
+    """Follow the ray through the centre of every pixel of an [R R] picture to the first face that it meets.
+
+    `seen` [V 3] are vertices by the camera: column and row in pixels, both times the distance z along the
+    axis, and z. Filled in are `nearness` [R R], 1 over z or 0, `face` [R R] and `place` [R R 2], the second
+    and the third barycentric coordinate there.
+
+    With q0 q1 q2 the corners and d = (column, row, 1) the ray, the coordinates are as d . (q1 x q2) and so on
+    to their sum, and z is as the volume q0 . (q1 x q2) to it. Neighbours compute the same product for their
+    common edge, so no ray passes between them.
+    """
+    size = len(face)
+    for f in range(len(faces)):
+        ax, ay, az = seen[faces[f, 0], 0], seen[faces[f, 0], 1], seen[faces[f, 0], 2]
+        bx, by, bz = seen[faces[f, 1], 0], seen[faces[f, 1], 1], seen[faces[f, 1], 2]
+        cx, cy, cz = seen[faces[f, 2], 0], seen[faces[f, 2], 1], seen[faces[f, 2], 2]
+        ux, uy, uz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        vx, vy, vz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
+        wx, wy, wz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        volume = ax * ux + ay * uy + az * uz
+        if volume == 0 or max(az, bz, cz) <= 0:  # seen along its plane, or behind the camera
+            continue
+        low_x, high_x, low_y, high_y = 0, size - 1, 0, size - 1
+        if min(az, bz, cz) > CLOSEST:
+            low_x = max(int(np.ceil(min(ax / az, bx / bz, cx / cz) - 0.5 - SLACK)), 0)
+            high_x = min(int(np.floor(max(ax / az, bx / bz, cx / cz) - 0.5 + SLACK)), size - 1)
+            low_y = max(int(np.ceil(min(ay / az, by / bz, cy / cz) - 0.5 - SLACK)), 0)
+            high_y = min(int(np.floor(max(ay / az, by / bz, cy / cz) - 0.5 + SLACK)), size - 1)
+        for row in range(low_y, high_y + 1):
+            for column in range(low_x, high_x + 1):
+                x, y = column + 0.5, row + 0.5
+                u, v, w = x * ux + y * uy + uz, x * vx + y * vy + vz, x * wx + y * wy + wz
+                if not ((u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0)):
+                    continue
+                whole = u + v + w
+                here = whole / volume
+                if here > nearness[row, column]:
+                    nearness[row, column], face[row, column] = here, f
+                    place[row, column, 0], place[row, column, 1] = v / whole, w / whole
 
 
-def vertex_normals(
-    vertices: Float[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "V 3"]:
-    """Unit normals: area-weighted sums over the faces around each vertex."""
-    corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(cross[:, d], 3), len(vertices)) for d in range(3)], axis=1
-    )
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+@compiled
+def develop(nearness, face, place, local_pixels, surface, lamp, image, mask, depth):
+    """Average the rays of each pixel: colour and coverage of all, distance of those that met something.
+
+    The first three are what `cast` found. `local_pixels` [3 3] takes a pixel to a ray of the camera,
+    `surface` are faces [F 3], colours [V 3] and normals [V 3], `lamp` is ambient, strength and direction.
+    Filled in are `image` [S S 3], which was white, and `mask` and `depth` [S S], which were 0.
+    """
+    faces, colors, normals = surface
+    rays, light, ray = OVERSAMPLING * OVERSAMPLING, np.zeros(3), np.zeros(3)
+    for row in range(len(mask)):
+        for column in range(len(mask)):
+            hits, far = 0, 0.0
+            light[:] = 0
+            for i in range(rays):
+                r, c = row * OVERSAMPLING + i // OVERSAMPLING, column * OVERSAMPLING + i % OVERSAMPLING
+                if face[r, c] < 0:
+                    continue
+                hits += 1
+                for k in range(3):
+                    ray[k] = local_pixels[k, 0] * (c + 0.5) + local_pixels[k, 1] * (r + 0.5)
+                    ray[k] += local_pixels[k, 2]
+                far += np.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2) / nearness[r, c]
+                shade(faces[face[r, c]], place[r, c], colors, normals, lamp, light)
+            if hits == 0:
+                continue
+            for k in range(3):
+                linear = min(max((light[k] + rays - hits) / rays, 0.0), 1.0)
+                image[row, column, k] = np.rint(255 * linear ** (1 / GAMMA))
+            mask[row, column] = np.rint(255 * hits / rays)
+            if 2 * hits >= rays:
+                depth[row, column] = min(max(np.rint(far / hits / DEPTH_UNIT), 0), 65535)
 
 
-def brightness(normal: Float[np.ndarray, "P 3"], light: Light) -> Float[np.ndarray, " P"]:
-    """Linear brightness; the lamp is soft and reaches a little around the edge."""
-    length = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
-    facing = normal @ light.direction / length
-    return light.ambient + light.strength * np.clip((facing + 0.3) / 1.3, 0, 1)
+@inner
+def shade(corners, place, colors, normals, lamp, light):
+    """Add to `light` [3] the linear colour at a place of a face; the lamp is soft and reaches a little around
+    the edge.
+    """
+    a, b, c = 1 - place[0] - place[1], place[0], place[1]
+    facing, length = 0.0, 0.0
+    for k in range(3):
+        normal = a * normals[corners[0], k] + b * normals[corners[1], k] + c * normals[corners[2], k]
+        facing += normal * lamp[2 + k]
+        length += normal * normal
+    facing /= max(np.sqrt(length), 1e-12)
+    brightness = lamp[0] + lamp[1] * min(max((facing + 0.3) / 1.3, 0.0), 1.0)
+    for k in range(3):
+        color = a * colors[corners[0], k] + b * colors[corners[1], k] + c * colors[corners[2], k]
+        light[k] += min(max(color, 0.0), 1.0) ** GAMMA * brightness
 
 
-def develop(picture: np.ndarray, depth: np.ndarray, size: int) -> Shot:
-    """Averages the rays of each pixel: colour and coverage of all, distance of those that hit."""
-    hit = (depth > 0).reshape(size, OVERSAMPLING, size, OVERSAMPLING)
-    cover = hit.mean(axis=(1, 3))
-    linear = picture.reshape(size, OVERSAMPLING, size, OVERSAMPLING, 3).mean(axis=(1, 3))
-    far = depth.reshape(hit.shape).sum(axis=(1, 3)) / np.maximum(hit.sum(axis=(1, 3)), 1)
-    steps = np.clip(np.rint(far / DEPTH_UNIT), 0, 65535) * (cover >= 0.5)
-    return Shot(
-        image=np.rint(255 * np.clip(linear, 0, 1) ** (1 / GAMMA)).astype(np.uint8),
-        mask=np.rint(255 * cover).astype(np.uint8),
-        depth=steps.astype(np.uint16),
-    )
+@compiled
+def vertex_normals(vertices, faces):
+    """Unit normals [V 3] of `vertices` [V 3]: area-weighted sums over the `faces` [F 3] around each."""
+    normals = np.zeros((len(vertices), 3))
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = (
+            vertices[b, 0] - vertices[a, 0],
+            vertices[b, 1] - vertices[a, 1],
+            vertices[b, 2] - vertices[a, 2],
+        )
+        vx, vy, vz = (
+            vertices[c, 0] - vertices[a, 0],
+            vertices[c, 1] - vertices[a, 1],
+            vertices[c, 2] - vertices[a, 2],
+        )
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        for corner in (a, b, c):
+            normals[corner, 0] += nx
+            normals[corner, 1] += ny
+            normals[corner, 2] += nz
+    for v in range(len(vertices)):
+        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
+        for k in range(3):
+            normals[v, k] /= max(length, 1e-12)
+    return normals
 
 
 def orbit_camera(height: float, rng: np.random.Generator) -> Camera:

@@ -26,7 +26,7 @@ from avatargen.run_folder import claim
 from avatargen.wardrobe.attributes import LATENT_SIZE, People
 
 SETTINGS_FILE = "synth.json"
-FORMAT = 1  # raised when the same seed would give other pictures
+FORMAT = 2  # raised when the same seed would give other pictures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +80,8 @@ def record(out: Path, person: int) -> Path:
 def make_all(out: Path, missing: list[int], config: SynthConfig, workers: int) -> Iterator[None]:
     """Make people in processes of their own, in any order; yields as each is done."""
     workers = min(workers, len(missing))
+    if not missing:
+        return
     if workers <= 1:
         maker = PersonMaker(config)
         for person in missing:

@@ -17,7 +17,7 @@ FRONT_FOCAL = 1.4  # of the picture's height: 39 degrees
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """A batch of cameras."""
+    """A batch of cameras. The last row of intrinsics is 0 0 1, as is the first number of the second one."""
 
     cam2world: Float[Tensor, "B 4 4"]
     intrinsics: Float[Tensor, "B 3 3"]
@@ -49,8 +49,12 @@ def rays(camera: Camera, size: int) -> tuple[Float[Tensor, "B P 3"], Float[Tenso
     """Origins and unit directions, in world space, through the centres of size x size pixels, row by row."""
     centers = (torch.arange(size, device=camera.cam2world.device) + 0.5) / size
     v, u = torch.meshgrid(centers, centers, indexing="ij")
-    pixels = torch.stack([u, v, torch.ones_like(u)], dim=-1).reshape(-1, 3)
-    local = pixels @ torch.linalg.inv(camera.intrinsics).transpose(1, 2)
-    direction = local @ camera.cam2world[:, :3, :3].transpose(1, 2)
+    focal_x, skew, middle_x = (camera.intrinsics[:, 0, i, None] for i in range(3))
+    focal_y, middle_y = camera.intrinsics[:, 1, 1, None], camera.intrinsics[:, 1, 2, None]
+    y = (v.flatten() - middle_y) / focal_y
+    x = (u.flatten() - middle_x - skew * y) / focal_x
+    local = torch.stack([x, y, torch.ones_like(x)], dim=2)
+    # summed number by number: products of matrices may be rounded to ten bits on a GPU
+    direction = (camera.cam2world[:, None, :3, :3] * local[:, :, None]).sum(dim=3)
     direction = direction / direction.norm(dim=-1, keepdim=True)
     return camera.cam2world[:, None, :3, 3].expand_as(direction), direction

@@ -21,7 +21,7 @@ from avatargen.body.model import CanonicalBody
 from avatargen.body.reach import outer_reach
 from avatargen.errors import InputError
 from avatargen.generator.config import DecoderConfig
-from avatargen.generator.layers import ACTIVATION_GAIN, LEAK, EqualLinear, leaky_relu
+from avatargen.generator.layers import ACTIVATION_GAIN, LEAK, EqualLinear, leaky_relu, may_branch
 from avatargen.generator.parts import Shares
 
 Heads = Literal["shape", "color", "both"]
@@ -49,10 +49,13 @@ def body_points(hit: BodyHit, faces: Int[Tensor, "F 3"]) -> BodyPoints:
 
 
 def attach_gradient(
-    body: BodyPoints, points: Float[Tensor, "B N 3"], vertices: Float[Tensor, "V 3"]
+    body: BodyPoints, points: Float[Tensor, "B N 3"], vertices: Float[Tensor, "#B V 3"]
 ) -> BodyPoints:
     """The same body points, with a distance that passes gradients on to the points."""
-    closest = (vertices[body.vertices] * body.barycentric[..., None]).sum(dim=2)
+    first = torch.arange(len(vertices), device=points.device)[:, None, None] * vertices.shape[1]
+    index = body.vertices + first
+    corners = vertices.flatten(0, 1).index_select(0, index.flatten()).unflatten(0, index.shape)
+    closest = (corners * body.barycentric[..., None]).sum(dim=2)
     away = points.detach() - closest
     length = away.norm(dim=-1, keepdim=True).clamp_min(1e-9)
     normal = away / length * torch.sign(body.distance)[..., None]
@@ -267,6 +270,9 @@ class Decoder(nn.Module):
         if self.shares is None or not count:
             return self.networks[0](x, layers[0], heads)
         shares = self.shares(points)
+        if not may_branch(x):  # nobody waits for how many points each part has
+            pairs = zip(self.networks, layers, shares.split(1, dim=2), strict=True)
+            return sum_of([network(x, own, heads) * share for network, own, share in pairs])
         present = (shares > 0).sum(dim=1).amax(dim=0).tolist()  # points that each part has at most
         if max(present) == count and sum(present) == count:  # all points lie in one part alone
             part = present.index(count)
@@ -322,13 +328,23 @@ def interpolate(table: Float[Tensor, "V K"], body: BodyPoints) -> Float[Tensor, 
     """Features of the body's vertices at the closest body points."""
     index = body.vertices.flatten(0, 1)
     weights = body.barycentric.flatten(0, 1).to(table.dtype)
-    mixed = F.embedding_bag(index, table, per_sample_weights=weights, mode="sum")
+    if may_branch(table):
+        mixed = F.embedding_bag(index, table, per_sample_weights=weights, mode="sum")
+    else:  # a GPU would sort the rows in its backward pass
+        mixed = sum_of([table.index_select(0, index[:, i]) * weights[:, i, None] for i in range(3)])
     return mixed.unflatten(0, body.distance.shape)
+
+
+def sum_of(parts: list[Tensor]) -> Tensor:
+    """Sum of some tensors."""
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return total
 
 
 def encode(centered: Float[Tensor, "B N 3"], frequencies: int) -> Float[Tensor, "B N code"]:
     """The point, and its sines and cosines at pi, 2 pi, 4 pi ..."""
-    scales = torch.pi * 2.0 ** torch.arange(frequencies, device=centered.device)
-    mix = torch.kron(scales, torch.eye(3, device=centered.device)).to(centered.dtype)  # 3, 3 frequencies
-    angles = centered @ mix
+    scales = torch.pi * 2.0 ** torch.arange(frequencies, device=centered.device, dtype=centered.dtype)
+    angles = (centered[..., None, :] * scales[:, None]).flatten(-2)
     return torch.cat([centered, torch.sin(angles), torch.cos(angles)], dim=-1)

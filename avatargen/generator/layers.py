@@ -5,12 +5,14 @@ suits every layer.
 """
 
 import math
+from contextlib import AbstractContextManager, nullcontext
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+BRANCHING = {"cpu"}  # types of devices
 LEAK = 0.2
 ACTIVATION_GAIN = math.sqrt(2)  # keeps unit variance through the leaky ReLU
 
@@ -23,6 +25,18 @@ def leaky_relu(x: Float[Tensor, "*any"]) -> Float[Tensor, "*any"]:
 def normalize_second_moment(x: Float[Tensor, "B D"]) -> Float[Tensor, "B D"]:
     """Scale each row to unit mean square."""
     return x * (x.square().mean(dim=1, keepdim=True) + 1e-8).rsqrt()
+
+
+def may_branch(tensor: Tensor) -> bool:
+    """Whether code may ask for a tensor's numbers and do only what they call for, as where nothing runs
+    beside Python; elsewhere that would wait for all that is under way.
+    """
+    return tensor.device.type in BRANCHING
+
+
+def without_autocast(device: torch.device) -> AbstractContextManager:
+    """Operations keep their numbers' own precision: distances need all their digits."""
+    return nullcontext() if device.type == "meta" else torch.autocast(device.type, enabled=False)
 
 
 class EqualLinear(nn.Module):

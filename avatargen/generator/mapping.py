@@ -1,7 +1,7 @@
 """Mapping network: latent z and camera to the style w (section 3.2).
 
-Letters: B people, Z latent size, D size of w. The camera is EG3D's vector of 25: 16 of the row-major
-cam2world matrix, 9 of the normalised intrinsics.
+Letters: B people, Z latent size, D size of w, c numbers of a camera. The camera is EG3D's vector of 25: 16 of
+the row-major cam2world matrix, 9 of the normalised intrinsics; a model may be told more beside it.
 """
 
 import itertools
@@ -33,7 +33,7 @@ class Mapping(nn.Module):
         self.register_buffer("average", torch.zeros(config.w_size))
 
     def forward(
-        self, z: Float[Tensor, "B Z"], camera: Float[Tensor, "B 25"], truncation: float = 1.0
+        self, z: Float[Tensor, "B Z"], camera: Float[Tensor, "B c"], truncation: float = 1.0
     ) -> Float[Tensor, "B D"]:
         """Map to w; truncation below 1 moves w toward the running mean (less variety, fewer failures)."""
         x = [normalize_second_moment(z) if self.config.normalize else z]

@@ -12,6 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from avatargen.generator.layers import may_branch
+
 Place = tuple[float, float, float]
 Parts = tuple[tuple[Place, ...], ...]
 
@@ -49,7 +51,12 @@ class Shares(nn.Module):
     def forward(self, points: Float[Tensor, "*batch N 3"]) -> Float[Tensor, "*batch N P"]:
         """Shares of every point, each 0..1 and 1 in sum."""
         # places before points, so that sums over them run through memory
-        nearness = self.slope.T @ points.mT + self.level[:, None]
+        if may_branch(points):
+            nearness = self.slope.T @ points.mT + self.level[:, None]
+        else:  # number by number, for products of matrices may be rounded to ten bits
+            nearness = self.level[:, None]
+            for slope, along in zip(self.slope, points.unbind(dim=-1), strict=True):
+                nearness = torch.addcmul(nearness, slope[:, None], along[..., None, :])
         weight = self.owner.T @ torch.softmax(nearness, dim=-2)
         kept = (weight - LEAST).clamp_min(0).square()
         return (kept / kept.sum(dim=-2, keepdim=True)).mT  # with up to nine parts one has more than LEAST

@@ -1,32 +1,40 @@
-"""From people, poses and cameras to pictures (sections 3.3 and 3.4).
+"""From people, poses and cameras to pictures (sections 3.3 and 3.4), many at once.
 
     rays --shell--> posed points --canonical map, deformation--> canonical points --field--> density, features
          --volume rendering--> feature picture --upsampling decoder--> picture
 
-Letters: B pictures, r raw size, S final size, K features, N points.
+On the CPU people are rendered one by one, each with as many rays and samples as meet their shell. Elsewhere
+all are rendered together and nobody waits for numbers of the device: `Room` says how many rays and samples
+there can be, and without it all are asked.
+
+Letters: B pictures, r raw size, S final size, P rays, K features, N points, Q chosen ones.
 """
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from avatargen.body.distance import BodyDistance
-from avatargen.body.model import Body, PosedBody, pose, pose_canonically, shape
-from avatargen.generator.camera import Camera, rays
-from avatargen.generator.canonical import CanonicalMap, canonical_map
+from avatargen.body.model import Body, pose_canonically
+from avatargen.generator.camera import Camera, camera_of_vector, rays
+from avatargen.generator.closest import Surfaces, Topology, closest_on, surfaces_of, topology_of
 from avatargen.generator.config import RenderConfig
 from avatargen.generator.decoder import BodyPoints, PartLayers, attach_gradient, body_points
 from avatargen.generator.generator import AvatarGenerator
+from avatargen.generator.layers import may_branch, without_autocast
+from avatargen.generator.posing import PosedBodies, Posing, posing_of
 from avatargen.generator.renderer import Rendering, Samples, composite
 from avatargen.generator.shell import Shell, shell_around, shell_samples
 
 BACKGROUND = 1.0  # white
+SPARE, ROUND = 1.03, 64  # of room: times what was found, up to whole groups
+MOST_SURVEYED, SURVEYED = 8192, 16  # labels, in all and at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,48 +47,118 @@ class Picture:
     mask: Float[Tensor, "B r r"]
 
 
-class BodySurface:
-    """A body's surface as the field needs it: distances, faces and vertices."""
-
-    def __init__(self, body: PosedBody) -> None:
-        self.distance = BodyDistance(body.vertices.astype(np.float32), body.shaped.body.faces)
-        self.faces = torch.from_numpy(body.shaped.body.faces)
-        self.vertices = torch.from_numpy(self.distance.vertices).float()
-
-    def at(self, points: Float[Tensor, "N 3"]) -> BodyPoints:
-        """The body at points of its space; its distance passes gradients on to the points."""
-        hit = self.distance.query(points.detach().cpu().numpy())
-        near = body_points(hit, self.faces.to(points.device))
-        return attach_gradient(near, points[None], self.vertices.to(points.device))
-
-
-class CanonicalSurface(BodySurface):
-    """The surface of the canonical body. Built once per body."""
-
-    def __init__(self, body: Body) -> None:
-        self.canonical = pose_canonically(body)
-        super().__init__(self.canonical)
-        self.body = body
-
-
 @dataclass(frozen=True, kw_only=True)
-class Person:
-    """One person to render: style, planes, decoder layers, pose and shape (each a batch of one), and the
-    posed body.
+class Room:
+    """Bounds on the rays of a picture that meet the shell, and on the samples within its reach."""
+
+    rays: int
+    samples: int
+
+
+class BodySurface:
+    """Surfaces of bodies as the field needs them: distances, faces and vertices; one, or one a person."""
+
+    def __init__(self, vertices: Float[Tensor, "B V 3"], topology: Topology) -> None:
+        self.vertices, self.topology = vertices, topology
+
+    @cached_property
+    def trees(self) -> list[BodyDistance]:
+        """One a body, for the CPU."""
+        return [BodyDistance(own.numpy(), self.topology.faces.numpy()) for own in self.vertices]
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """For other devices."""
+        return surfaces_of(self.vertices, self.topology)
+
+    def at(self, points: Float[Tensor, "B N 3"], near: Int64[Tensor, "B N"]) -> BodyPoints:
+        """The bodies at points of their space, of which vertices are known that are not far; the distance
+        passes gradients on to the points.
+        """
+        shape, count = points.shape[:2], len(self.vertices)
+        if may_branch(points):
+            parts = points.detach().reshape(count, -1, 3).numpy()
+            hits = [tree.query(part) for tree, part in zip(self.trees, parts, strict=True)]
+            found = [body_points(hit, self.topology.faces) for hit in hits]
+            distance, vertices, barycentric = (
+                torch.cat([getattr(one, name) for one in found]).reshape(*shape, *rest)
+                for name, rest in (("distance", ()), ("vertices", (3,)), ("barycentric", (3,)))
+            )
+        else:
+            closest = closest_on(self.surfaces, points.reshape(count, -1, 3), near.reshape(count, -1))
+            distance, barycentric = closest.distance.view(shape), closest.barycentric.view(*shape, 3)
+            vertices = self.topology.faces.index_select(0, closest.face.flatten()).view(*shape, 3)
+        body = BodyPoints(distance=distance, vertices=vertices, barycentric=barycentric)
+        return attach_gradient(body, points, self.vertices)
+
+
+class CanonicalSurface:
+    """A body, its surface in the canonical pose, and what posing takes, on every device that asks. Built once
+    a body.
     """
 
-    w: Float[Tensor, "1 D"]
-    planes: Float[Tensor, "1 3 C R R"]
+    def __init__(self, body: Body) -> None:
+        self.body, self.canonical = body, pose_canonically(body)
+        self.posings: dict[torch.device, Posing] = {}
+        self.surfaces: dict[torch.device, BodySurface] = {}
+
+    def posing(self, device: torch.device) -> Posing:
+        if device not in self.posings:
+            self.posings[device] = posing_of(self.body, device)
+        return self.posings[device]
+
+    def on(self, device: torch.device) -> BodySurface:
+        """The surface of the canonical body."""
+        if device not in self.surfaces:
+            vertices = self.canonical.vertices.astype(np.float32)
+            topology = topology_of(vertices, self.body.faces, device)
+            self.surfaces[device] = BodySurface(torch.from_numpy(vertices)[None].to(device), topology)
+        return self.surfaces[device]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class People:
+    """People to render: styles, planes, decoder layers, poses and shapes, and the posed bodies."""
+
+    w: Float[Tensor, "B D"]
+    planes: Float[Tensor, "B 3 C R R"]
     layers: tuple[PartLayers, ...]
-    pose: Float[Tensor, "1 J 3"]
-    betas: Float[Tensor, "1 b"]
-    posed: PosedBody
-    map: CanonicalMap
+    pose: Float[Tensor, "B J 3"]
+    betas: Float[Tensor, "B b"]
+    posed: PosedBodies
+    canonical: BodySurface
+
+    def __len__(self) -> int:
+        return len(self.w)
 
     @cached_property
     def observed(self) -> BodySurface:
-        """The posed body's surface."""
-        return BodySurface(self.posed)
+        """The posed bodies' surfaces."""
+        return BodySurface(self.posed.vertices, self.canonical.topology)
+
+    @cached_property
+    def parts(self) -> "list[People]":
+        """Those that are best rendered together: on the CPU one by one, elsewhere all."""
+        if not may_branch(self.w) or len(self) == 1:
+            return [self]
+        layers = zip(*(part.of_each(len(self)) for part in self.layers), strict=True)
+        return [self.one(i, own) for i, own in enumerate(layers)]
+
+    def one(self, i: int, layers: tuple[PartLayers, ...]) -> "People":
+        """One of them, with their layers."""
+        own = slice(i, i + 1)
+        posed = PosedBodies(
+            vertices=self.posed.vertices[own], T_canonical_posed=self.posed.T_canonical_posed[own]
+        )
+        return People(
+            w=self.w[own],
+            planes=self.planes[own],
+            layers=layers,
+            pose=self.pose[own],
+            betas=self.betas[own],
+            posed=posed,
+            canonical=self.canonical,
+        )
 
 
 def take_picture(
@@ -90,15 +168,15 @@ def take_picture(
     camera: Camera,
     poses: Float[Tensor, "B J 3"],
     betas: Float[Tensor, "B b"],
-    draw: torch.Generator | None = None,
+    seeds: Int64[Tensor, " B"] | None = None,
 ) -> Picture:
     """Render people: latent, camera, axis-angle pose (radians) and shape to pictures.
 
-    Samples are drawn at random along the rays with `draw`, and stand in the middle of their bins without.
+    Samples are drawn at random along the rays with seeds, and stand in the middle of their bins without.
     """
     w = generator.mapping(z, camera.vector)
     people = make_people(generator, surface, w, generator.planes(w), poses, betas)
-    return picture_people(generator, surface, people, camera, [draw] * len(people))
+    return picture_people(generator, people, camera, seeds)
 
 
 def make_people(
@@ -108,110 +186,173 @@ def make_people(
     planes: Float[Tensor, "B 3 C R R"],
     poses: Float[Tensor, "B J 3"],
     betas: Float[Tensor, "B b"],
-) -> list[Person]:
+) -> People:
     """Pose everybody's body. The pose and shape that pictures show carry no gradient. Networks made for fewer
     directions of shape than the body has are told the first of them."""
-    people, told = [], (0, generator.config.shape_count - betas.shape[1])
-    with torch.autocast(w.device.type, enabled=False):
-        parts = [layers.of_each(len(w)) for layers in generator.layers(w)]
-    for i, layers in enumerate(zip(*parts, strict=True)):
-        one = slice(i, i + 1)
-        shaped = shape(surface.body, betas[i].detach().cpu().numpy())
-        posed = pose(surface.body, shaped, poses[i].detach().cpu().numpy())
-        people.append(
-            Person(
-                w=w[one],
-                planes=planes[one],
-                layers=layers,
-                pose=poses[one],
-                betas=torch.nn.functional.pad(betas[one], told),
-                posed=posed,
-                map=canonical_map(posed, surface.canonical),
-            )
-        )
-    return people
+    told = (0, generator.config.shape_count - betas.shape[1])
+    with without_autocast(w.device):
+        layers = generator.layers(w)
+    return People(
+        w=w,
+        planes=planes,
+        layers=layers,
+        pose=poses,
+        betas=torch.nn.functional.pad(betas, told),
+        posed=surface.posing(w.device)(betas, poses),
+        canonical=surface.on(w.device),
+    )
 
 
 def picture_people(
     generator: AvatarGenerator,
-    surface: CanonicalSurface,
-    people: Sequence[Person],
+    people: People,
     camera: Camera,
-    draws: Sequence[torch.Generator | None],
+    seeds: Int64[Tensor, " B"] | None,
+    room: Room | None = None,
 ) -> Picture:
-    """A picture of each person by a camera each; `draws` place the samples, see `take_picture`."""
+    """A picture of each person by a camera each; `seeds` place the samples, see `take_picture`."""
     size = generator.config.render.raw_size
-    origins, directions = rays(camera, size)
-    with torch.autocast(origins.device.type, enabled=False):  # distances need all their digits
-        seen = [
-            render_person(generator, surface, person, (origin, direction), draw)
-            for person, origin, direction, draw in zip(people, origins, directions, draws, strict=True)
-        ]
-    features = torch.stack([r.features for r in seen]).transpose(1, 2).unflatten(2, (size, size))
-    mask = torch.stack([r.mask for r in seen]).unflatten(1, (size, size))
-    depth = torch.stack([r.depth for r in seen]).unflatten(1, (size, size))
+    with without_autocast(people.w.device):
+        every = rays(camera, size)
+        seen, first = [], 0
+        for part in people.parts:
+            own = slice(first, first + len(part))
+            first += len(part)
+            some = None if seeds is None else seeds[own]
+            seen.append(render(generator, part, (every[0][own], every[1][own]), some, room))
+    features = torch.cat([r.features for r in seen]).transpose(1, 2).unflatten(2, (size, size))
+    mask = torch.cat([r.mask for r in seen]).unflatten(1, (size, size))
+    depth = torch.cat([r.depth for r in seen]).unflatten(1, (size, size))
     raw = features[:, :3] + (1 - mask[:, None]) * BACKGROUND
-    w = torch.cat([person.w for person in people])
-    image = generator.upsampler(torch.cat([raw, features[:, 3:]], dim=1), w)
+    image = generator.upsampler(torch.cat([raw, features[:, 3:]], dim=1), people.w)
     return Picture(image=image, raw=raw, depth=depth, mask=mask)
 
 
-def render_person(
+def render(
     generator: AvatarGenerator,
-    surface: CanonicalSurface,
-    person: Person,
-    ray: tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"]],
-    draw: torch.Generator | None,
+    people: People,
+    ray: tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]],
+    seeds: Int64[Tensor, " B"] | None,
+    room: Room | None = None,
     settings: RenderConfig | None = None,
     shell: Shell | None = None,
 ) -> Rendering:
-    """Volume rendering of one person; only samples within the shell around the posed body are asked.
+    """Volume rendering; only samples within the shell around the posed body are asked.
 
     Other settings and another shell than the generator's own can be given, to measure what they change.
     """
     settings = settings or generator.config.render
     origin, direction = ray
-    shell = shell or shell_around(person.posed.vertices, settings.shell, origin.device)
-    samples, far = shell_samples(shell, origin, direction, settings.samples, draw)
-    hit = samples.length.any(dim=1).nonzero()[:, 0]  # rays that miss cost nothing from here on
-    samples = Samples(depth=samples.depth[hit], length=samples.length[hit])
-    points = (origin[hit, None] + samples.depth[..., None] * direction[hit, None]).flatten(0, 1)
-    canonical, away = person.map(points, settings.nearest)
-    near = (away < settings.shell).nonzero()[:, 0]
-    sdf, features = field_of_person(generator, surface, person, points[near], canonical[near])
-    distance = away.to(sdf).index_put((near,), sdf)  # beyond the shell there is nothing but distance
-    features = scatter(features, near, len(points))
+    shell = shell or shell_around(people.posed.vertices, settings.shell)
+    samples, far = shell_samples(shell, origin, direction, settings.samples, seeds)
+    hit = chosen(samples.length.any(dim=2), room and room.rays)  # rays that miss cost nothing from here on
+    samples = Samples(depth=rows(samples.depth, hit), length=rows(samples.length, hit))
+    points = rows(origin, hit)[:, :, None] + samples.depth[..., None] * rows(direction, hit)[:, :, None]
+    points = points.flatten(1, 2)
+    canonical, away, nearest = people.posed.to_canonical(points, settings.nearest)
+    within = away < settings.shell
+    near = chosen(within, room and room.samples)
+    asked = (rows(points, near), rows(canonical, near), rows(nearest, near))
+    sdf, features = field_of_people(generator, people, *asked)
+    # beyond the shell there is nothing but distance
+    in_reach = rows(within, near)
+    distance = away.to(sdf).scatter(1, near, torch.where(in_reach, sdf, rows(away, near).to(sdf)))
+    features = spread_out(torch.where(in_reach[..., None], features, 0.0), near, points.shape[1])
     shape = samples.depth.shape
-    seen = composite(distance.view(shape), features.view(*shape, -1), samples, far[hit], generator.density)
+    every = features.unflatten(1, shape[1:])
+    seen = composite(distance.view(shape), every, samples, rows(far, hit), generator.density)
     return Rendering(
-        features=scatter(seen.features, hit, len(far)),
-        depth=far.index_put((hit,), seen.depth),
-        mask=scatter(seen.mask[:, None], hit, len(far))[:, 0],
+        features=spread_out(seen.features, hit, far.shape[1]),
+        depth=far.scatter(1, hit, seen.depth),
+        mask=spread_out(seen.mask[..., None], hit, far.shape[1])[..., 0],
     )
 
 
-def field_of_person(
-    generator: AvatarGenerator,
+@torch.no_grad()
+def survey(
+    settings: RenderConfig,
     surface: CanonicalSurface,
-    person: Person,
-    points: Float[Tensor, "N 3"],
-    canonical: Float[Tensor, "N 3"],
+    labels: tuple[Float[Tensor, "N 25"], Float[Tensor, "N J 3"], Float[Tensor, "N b"]],
+    device: torch.device,
+) -> Room:
+    """The most that a picture of these cameras, poses and betas takes, and some; of many labels a part of
+    them is asked. Samples stand in the middle of their bins.
+    """
+    count = len(labels[0])
+    asked = torch.linspace(0, count - 1, min(count, MOST_SURVEYED)).long()
+    most = torch.zeros(2, dtype=torch.long, device=device)
+    for some in asked.split(SURVEYED):
+        camera, poses, betas = (part[some].to(device) for part in labels)
+        posed = surface.posing(device)(betas, poses)
+        shell = shell_around(posed.vertices, settings.shell)
+        origin, direction = rays(camera_of_vector(camera), settings.raw_size)
+        samples, _ = shell_samples(shell, origin, direction, settings.samples)
+        meets = samples.length.any(dim=2)
+        points = origin[:, :, None] + samples.depth[..., None] * direction[:, :, None]
+        within = posed.nearest(points.flatten(1, 2))[0][..., 0] < settings.shell
+        near = (within.view_as(samples.depth) & meets[..., None]).sum(dim=(1, 2))
+        most = torch.maximum(most, torch.stack([meets.sum(dim=1).amax(), near.amax()]))
+    hit, near = most.tolist()
+    every = settings.raw_size**2
+    hit = min(every, math.ceil(hit * SPARE / ROUND) * ROUND)
+    return Room(rays=hit, samples=min(hit * settings.samples, math.ceil(near * SPARE / ROUND) * ROUND))
+
+
+def chosen(wanted: Bool[Tensor, "B N"], room: int | None) -> Int64[Tensor, "B Q"]:
+    """Columns of what is wanted in each row, in order, and of others where a row wants fewer than `room`.
+
+    Without room it is the largest count of a row, on the CPU; elsewhere all columns.
+    """
+    count = wanted.shape[1]
+    if may_branch(wanted):
+        room = int(wanted.sum(dim=1).amax())
+    elif room is None:
+        return torch.arange(count, device=wanted.device).expand(len(wanted), -1)
+    return (~wanted).to(torch.uint8).sort(dim=1, stable=True).indices[:, :room]
+
+
+def rows(values: Tensor, index: Int64[Tensor, "B Q"]) -> Tensor:
+    """[B N ...] at columns [B Q]: [B Q ...]."""
+    if len(values) == 1:  # whole rows, which is faster than number by number
+        return values.index_select(1, index[0])
+    index = index.reshape(*index.shape, *[1] * (values.ndim - 2)).expand(-1, -1, *values.shape[2:])
+    return values.gather(1, index)
+
+
+def spread_out(
+    values: Float[Tensor, "B Q K"], index: Int64[Tensor, "B Q"], count: int
+) -> Float[Tensor, "B N K"]:
+    """The values at their columns of `count`, zero in the others."""
+    empty = values.new_zeros(len(values), count, values.shape[2])
+    if len(values) == 1:
+        return empty.index_copy(1, index[0], values)
+    return empty.scatter(1, index[..., None].expand_as(values), values)
+
+
+def field_of_people(
+    generator: AvatarGenerator,
+    people: People,
+    points: Float[Tensor, "B N 3"],
+    canonical: Float[Tensor, "B N 3"],
+    near: Int64[Tensor, "B N"],
     method: Literal["fast", "differentiable"] = "fast",
-) -> tuple[Float[Tensor, " N"], Float[Tensor, "N K"]]:
+) -> tuple[Float[Tensor, "B N"], Float[Tensor, "B N K"]]:
     """Distance (or, of a density, the number that stands for it) and features at posed points and their
-    canonical images, after the residual deformation; `GeometryConfig` says which of these are used.
+    canonical images, after the residual deformation; `GeometryConfig` says which of these are used. `near`
+    are the points' nearest posed vertices.
     """
     geometry = generator.config.geometry
     moved = points if geometry.deformation == "residual" else canonical
     if geometry.deformation != "inverse_skinning":
-        centered = generator.frame.centered(moved)[None]
-        moved = moved + generator.deformation(centered, person.w, person.pose, person.betas)[0]
-    body = person.observed.at(points) if geometry.prior == "observed" else surface.at(moved)
+        centered = generator.frame.centered(moved)
+        moved = moved + generator.deformation(centered, people.w, people.pose, people.betas)
+    on_posed = geometry.prior == "observed"
+    body = people.observed.at(points, near) if on_posed else people.canonical.at(moved, near)
     if geometry.prior == "none":
         body = without_distance(body)
     base = without_distance(body) if geometry.distance == "raw" else None
-    sdf, _, features = generator.field(person.planes, person.layers, moved[None], body, method, base)
-    return sdf[0], features[0]
+    sdf, _, features = generator.field(people.planes, people.layers, moved, body, method, base)
+    return sdf, features
 
 
 def without_distance(body: BodyPoints) -> BodyPoints:
@@ -219,8 +360,3 @@ def without_distance(body: BodyPoints) -> BodyPoints:
     return BodyPoints(
         distance=torch.zeros_like(body.distance), vertices=body.vertices, barycentric=body.barycentric
     )
-
-
-def scatter(values: Float[Tensor, "n K"], row: Int[Tensor, " n"], count: int) -> Float[Tensor, "N K"]:
-    """The values at their rows of `count`, zero in the others."""
-    return values.new_zeros(count, values.shape[1]).index_put((row,), values)

@@ -9,7 +9,7 @@ summed.
 from typing import Literal
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -66,7 +66,7 @@ def sample_planes(
     """
     if method == "differentiable":
         return gather_bilinear(planes, coordinates)
-    grid = torch.stack([coordinates[..., COLUMN_AXES], coordinates[..., ROW_AXES]], dim=-1) * 2 - 1  # B N 3 2
+    grid = torch.stack(columns_and_rows(coordinates), dim=-1) * 2 - 1  # B N 3 2
     B, _, C, R, _ = planes.shape
     sampled = F.grid_sample(
         planes.reshape(B * 3, C, R, R),
@@ -75,6 +75,15 @@ def sample_planes(
         align_corners=False,
     )
     return sampled.reshape(B, 3, C, -1).sum(dim=1).transpose(1, 2)
+
+
+def columns_and_rows(
+    coordinates: Shaped[Tensor, "*batch 3"],
+) -> tuple[Shaped[Tensor, "*batch 3"], Shaped[Tensor, "*batch 3"]]:
+    """The three planes' columns and rows."""
+    axes = coordinates.unbind(dim=-1)
+    column, row = (torch.stack([axes[i] for i in some], dim=-1) for some in (COLUMN_AXES, ROW_AXES))
+    return column, row
 
 
 def texels(
@@ -129,12 +138,15 @@ def gather_bilinear(
     """Bilinear samples by indexing: differentiable twice and more in the planes and the coordinates."""
     B, _, _, R, _ = planes.shape
     lower, fraction = texels(coordinates, R)
-    index = corner_indices(lower, R)  # B N 12
-    index = index + torch.arange(B, device=index.device)[:, None, None] * (3 * R * R)
-    rows = (
-        plane_table(planes).flatten(0, 1).index_select(0, index.flatten()).unflatten(0, index.shape)
-    )  # B N 12 C
-    return (corner_weights(fraction)[..., None] * rows).sum(dim=2)
+    column, row = columns_and_rows(lower.long())
+    plane = torch.arange(3, device=row.device) + 3 * torch.arange(B, device=row.device)[:, None, None]
+    first = (plane * R + row) * R + column  # B N 3
+    index = torch.stack([first, first + 1, first + R, first + R + 1], dim=-1)
+    right, below = columns_and_rows(fraction)
+    left, above = 1 - right, 1 - below
+    weights = torch.stack([left * above, right * above, left * below, right * below], dim=-1)
+    rows = plane_table(planes).flatten(0, 1).index_select(0, index.flatten()).unflatten(0, index.shape)
+    return (weights[..., None] * rows).sum(dim=(2, 3))
 
 
 def lookup_bilinear(table: Float[Tensor, "T C"], coordinates: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:

@@ -47,7 +47,7 @@ class Rendering:
 
 
 def box_interval(
-    origin: Float[Tensor, "*rays 3"], direction: Float[Tensor, "*rays 3"], box: Float[Tensor, "2 3"]
+    origin: Float[Tensor, "*rays 3"], direction: Float[Tensor, "*rays 3"], box: Float[Tensor, "2 *boxes 3"]
 ) -> tuple[Float[Tensor, "*rays"], Float[Tensor, "*rays"]]:
     """Distances at which rays enter and leave a box; equal where they miss it or have it behind."""
     safe = torch.where(direction.abs() < 1e-12, torch.full_like(direction, 1e-12), direction)

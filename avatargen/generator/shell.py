@@ -1,84 +1,109 @@
-"""The shell around a posed body: where along each ray clothes can be, so that no sample is spent elsewhere.
+"""The shells around posed bodies: where along each ray clothes can be, so that no sample is spent elsewhere.
 
 Space is cut into cubes; those within reach of a body vertex are marked. A ray is cut into `STEPS` short
 pieces, each looked up once; samples are spread evenly over the marked pieces alone. Between them there is
 nothing, so the volume rendering equation keeps its form, with the marked length in place of the whole.
 
-Letters: V vertices, P rays, T steps, S samples. Metres along unit directions.
+Letters: B people, V vertices, P rays, T steps, S samples. Metres along unit directions.
 """
 
+import math
 from dataclasses import dataclass
 
-import numpy as np
 import torch
-from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
-from avatargen.generator.renderer import Samples, box_interval, places, segments
+from avatargen.generator.draws import uniform
+from avatargen.generator.layers import may_branch
+from avatargen.generator.renderer import Samples, box_interval, segments
 
 CELL = 0.03  # metres
 STEPS = 96  # pieces of a ray within the shell's box
+SPAN = 2.7  # metres that a body takes up at most, where its size is not asked
+FAR = 10_000  # squared cells
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shell:
     """Marked cubes: every point within reach of a body vertex lies in one, and few others do."""
 
-    origin: Float[Tensor, "3"]
-    marked: Bool[Tensor, "x y z"]
+    box: Float[Tensor, "2 B 3"]  # low corners and high, a whole number of cubes apart
+    marked: Bool[Tensor, "B x y z"]
 
-    @property
-    def box(self) -> Float[Tensor, "2 3"]:
-        size = torch.tensor(self.marked.shape, device=self.origin.device) * CELL
-        return torch.stack([self.origin, self.origin + size])
-
-    def holds(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
+    def holds(self, points: Float[Tensor, "B *some 3"]) -> Bool[Tensor, "B *some"]:
         """Which points lie in marked cubes; points outside the box do not."""
-        counts = torch.tensor(self.marked.shape, device=points.device)
-        cell = ((points - self.origin) / CELL).floor()
-        within = ((cell >= 0) & (cell < counts)).all(dim=-1)
-        x, y, z = cell.clamp_min(0).minimum(counts - 1).long().unbind(-1)
-        return self.marked[x, y, z] & within
+        flat = points.flatten(1, -2)
+        cell = ((flat - self.box[0, :, None]) / CELL).floor()
+        place = torch.zeros((), dtype=torch.long, device=points.device)
+        within = torch.ones((), dtype=torch.bool, device=points.device)
+        for axis, count in enumerate(self.marked.shape[1:]):
+            along = cell[..., axis]
+            within = within & (along >= 0) & (along < count)
+            place = place * count + along.clamp(0, count - 1).long()
+        marked = self.marked.flatten(1).gather(1, place) & within
+        return marked.view(points.shape[:-1])
 
 
-def shell_around(
-    vertices: Float[np.ndarray, "V 3"], reach: float, device: torch.device | str = "cpu"
-) -> Shell:
-    """Cubes that hold a point within `reach` metres of a vertex, and some a cube's diagonal farther."""
+def shell_around(vertices: Float[Tensor, "B V 3"], reach: float) -> Shell:
+    """Cubes that hold a point within `reach` metres of a vertex, and some a cube's diagonal farther.
+
+    On the CPU the grid is as large as the bodies ask; elsewhere nobody waits for their size.
+    """
     margin = reach + 2 * CELL
-    origin = vertices.min(axis=0) - margin
-    counts = np.ceil((vertices.max(axis=0) + margin - origin) / CELL).astype(np.int64)
-    empty = np.ones(counts, dtype=bool)
-    empty[tuple(((vertices - origin) / CELL).astype(np.int64).T)] = False
-    marked = distance_transform_edt(empty, sampling=CELL) <= reach + np.sqrt(3) * CELL
-    return Shell(
-        origin=torch.from_numpy(origin.astype(np.float32)).to(device),
-        marked=torch.from_numpy(marked).to(device),
-    )
+    origin = vertices.amin(dim=1) - margin
+    cells = ((vertices.amax(dim=1) + margin - origin) / CELL).ceil()
+    if may_branch(vertices):
+        counts = cells.amax(dim=0).long().tolist()
+    else:
+        counts = [math.ceil((SPAN + 2 * margin) / CELL)] * 3
+    place = torch.zeros((), dtype=torch.long, device=vertices.device)
+    for axis, count in enumerate(counts):
+        cell = ((vertices[..., axis] - origin[:, None, axis]) / CELL).long()
+        place = place * count + cell.clamp(0, count - 1)
+    squared = torch.full((len(vertices), math.prod(counts)), FAR, dtype=torch.int16, device=vertices.device)
+    squared = squared.scatter(1, place, 0).unflatten(1, counts)
+    radius = reach / CELL + math.sqrt(3)
+    for axis in (1, 2, 3):
+        squared = spread(squared, axis, int(radius))
+    return Shell(box=torch.stack([origin, origin + cells * CELL]), marked=squared <= radius**2)
+
+
+def spread(squared: Tensor, axis: int, reach: int) -> Tensor:
+    """Squared distances to what is marked (counted in cells) along one more axis, up to `reach` cells."""
+    nearer, size = squared.clone(), squared.shape[axis]
+    for step in range(1, min(reach, size - 1) + 1):
+        for here, there in ((step, 0), (0, step)):
+            part = nearer.narrow(axis, here, size - step)
+            torch.minimum(part, squared.narrow(axis, there, size - step) + step**2, out=part)
+    return nearer
 
 
 def shell_samples(
     shell: Shell,
-    origin: Float[Tensor, "P 3"],
-    direction: Float[Tensor, "P 3"],
+    origin: Float[Tensor, "B P 3"],
+    direction: Float[Tensor, "B P 3"],
     count: int,
-    draw: torch.Generator | None = None,
-) -> tuple[Samples, Float[Tensor, " P"]]:
+    seeds: Int64[Tensor, " B"] | None = None,
+) -> tuple[Samples, Float[Tensor, "B P"]]:
     """`count` samples a ray in equal bins of the length within the shell, and where the ray leaves its box.
 
-    One in each bin, at random with a generator, in the middle without. Lengths are 0 on a ray that misses.
+    One in each bin, at random with seeds, in the middle without. Lengths are 0 on a ray that misses.
     """
-    near, far = box_interval(origin, direction, shell.box.to(origin))
+    near, far = box_interval(origin, direction, shell.box[:, :, None])
     step = (far - near) / STEPS
-    middle = near[:, None] + (torch.arange(STEPS, device=origin.device) + 0.5) * step[:, None]
-    marked = shell.holds(origin[:, None] + middle[..., None] * direction[:, None]) & (step > 0)[:, None]
-    passed = marked.cumsum(dim=1).to(origin)  # P T: marked pieces up to and with each
-    total = passed[:, -1]
-    bins = places(near, count, draw)
-    place = bins * (total / count)[:, None]  # in marked pieces
+    middle = near[..., None] + (torch.arange(STEPS, device=origin.device) + 0.5) * step[..., None]
+    points = origin[:, :, None] + middle[..., None] * direction[:, :, None]
+    marked = shell.holds(points) & (step > 0)[..., None]
+    passed = marked.cumsum(dim=2).to(origin)  # B P T: marked pieces up to and with each
+    total = passed[..., -1]
+    within = near.new_full((*near.shape, count), 0.5)
+    if seeds is not None:
+        within = uniform(seeds, near.shape[1] * count, stream=0).view_as(within).to(near)
+    bins = torch.arange(count, device=near.device) + within
+    place = bins * (total / count)[..., None]  # in marked pieces
     piece = torch.searchsorted(passed, place, right=True).clamp_max(STEPS - 1)
-    before = torch.where(piece > 0, passed.gather(1, (piece - 1).clamp_min(0)), 0.0)
-    depth = near[:, None] + (piece + (place - before)) * step[:, None]
-    length = segments(bins, count) * (total * step / count)[:, None]
+    before = torch.where(piece > 0, passed.gather(2, (piece - 1).clamp_min(0)), 0.0)
+    depth = near[..., None] + (piece + (place - before)) * step[..., None]
+    length = segments(bins, count) * (total * step / count)[..., None]
     return Samples(depth=depth, length=length), far

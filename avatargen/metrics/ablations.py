@@ -1,28 +1,8 @@
-"""Table 2 of the paper as runs: every choice trained for the same pictures, and measured alike."""
+"""Table 2 of the paper: every choice as a change of a run's settings."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
-from avatargen.body.model import Body
-from avatargen.data.dataset import Pictures
-from avatargen.generator.picture import CanonicalSurface
-from avatargen.metrics.evaluate import EvalConfig, Report, evaluate
-from avatargen.metrics.features import random_features
-from avatargen.training.adversarial import train
 from avatargen.training.adversarial_config import AdversarialConfig
-
-if TYPE_CHECKING:
-    from accelerate import Accelerator
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One choice: which it is, and what came of it."""
-
-    name: str
-    report: Report
 
 
 def choices(base: AdversarialConfig) -> dict[str, AdversarialConfig]:
@@ -46,34 +26,3 @@ def choices(base: AdversarialConfig) -> dict[str, AdversarialConfig]:
         "raw distance": geometry(distance="raw"),
         "without SMPL loss": replace(base, losses=replace(base.losses, smpl=0.0)),
     }
-
-
-def run_ablations(
-    base: AdversarialConfig,
-    data: Pictures,
-    held_out: Pictures,
-    body: Body,
-    out: Path,
-    accelerator: "Accelerator",
-    report: Callable[[str], None],
-) -> list[Row]:
-    """Train every choice in a folder of its own under `out` (which resumes), and measure it."""
-    surface, rows = CanonicalSurface(body), []
-    for name, config in choices(base).items():
-        report(name)
-        folder = out / name.replace(" ", "_").replace("=", "")
-        average = train(config, data, body, folder, accelerator, lambda line: None)
-        features = ("frechet distance", random_features)
-        measured = evaluate(average, surface, held_out, data, features, EvalConfig(pictures=40, samples=None))
-        rows.append(Row(name=name, report=measured))
-    return rows
-
-
-def table(rows: list[Row]) -> str:
-    """Markdown: a line a choice; a dash where no picture allowed to measure."""
-    metrics = list(dict.fromkeys(name for row in rows for name in row.report.numbers))
-    lines = ["| choice | " + " | ".join(metrics) + " |", "|---" * (len(metrics) + 1) + "|"]
-    for row in rows:
-        cells = [f"{n.value:.3g}" if (n := row.report.numbers.get(name)) else "-" for name in metrics]
-        lines.append(f"| {row.name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)

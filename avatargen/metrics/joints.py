@@ -1,9 +1,9 @@
 """Where joints are in a picture: the truth of a label, and a built-in estimate from the picture alone.
 
-The estimate is kernel ridge regression from the picture's oriented edges, in 16 x 16 cells, to the joints'
-places: fitted in closed form, in seconds, on labelled pictures and their mirror images. It is coarse; its own
-error on real pictures is the floor that a generator's pose error is read against. Any other estimator can
-take its place.
+The built-in estimate is kernel ridge regression from the picture's oriented edges, in 16 x 16 cells, to the
+joints' places: fitted in closed form, in seconds, on labelled pictures and their mirror images. It is coarse;
+its own error on real pictures is the floor that a generator's pose error is read against. A real pose network
+can take its place, see `avatargen.metrics.pose_network`.
 
 Letters: N pictures, J joints, S pixels a side. Places are in widths of the picture, 0..1 from the top left.
 """
@@ -20,13 +20,53 @@ from torch.nn import functional as F
 from avatargen.body.model import Body
 from avatargen.data.dataset import Pictures
 from avatargen.data.joints import projected_joints
+from avatargen.data.mirror import partners
 
-JointEstimator = Callable[[Float[Tensor, "N 3 S S"]], Float64[np.ndarray, "N J 2"]]
-
+RIDGE_POSE = "pose by ridge regression (% of the picture)"
 CELLS = 16  # along a side
 DIRECTIONS = 6  # of edges that are told apart
 SHARPNESS = 4  # power of the cosine to a direction: an edge counts for two neighbours
 RIDGE = 1e-2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointJudge:
+    """An estimator of some of the body's joints, and the name of the error that it measures.
+
+    One that takes backs for fronts has a `partner` for each joint, on the other side: then a picture's error
+    is that of the better of both readings.
+    """
+
+    name: str
+    which: Int64[np.ndarray, " K"]
+    estimate: Callable[[Float[Tensor, "N 3 S S"]], Float64[np.ndarray, "N K 2"]]
+    partner: Int64[np.ndarray, " K"] | None = None
+
+    def errors(
+        self, images: Float[Tensor, "N 3 S S"], truth: Float64[np.ndarray, "N K 2"]
+    ) -> Float64[np.ndarray, " N"]:
+        """Mean distance of each picture's joints, in percent of the picture's width."""
+        found = self.estimate(images)
+        readings = [found] if self.partner is None else [found, found[:, self.partner]]
+        away = [np.linalg.norm(reading - truth, axis=2).mean(axis=1) for reading in readings]
+        return 100 * np.minimum.reduce(away)
+
+
+def ridge_judge(reference: Pictures, body: Body, most: int) -> JointJudge:
+    """The built-in estimator, fitted on at most so many pictures, evenly over the set."""
+    chosen = spread_over(reference, most)
+    partner = partners(body.joint_names)
+    fitted = fit_joints(load_images(reference, chosen), true_joints(reference, body, chosen), partner)
+    return JointJudge(name=RIDGE_POSE, which=np.arange(len(partner)), estimate=fitted)
+
+
+def spread_over(pictures: Pictures, most: int) -> Int64[np.ndarray, " N"]:
+    """Numbers of at most so many pictures, evenly over the set, which holds each person's in a row."""
+    return torch.linspace(0, len(pictures) - 1, min(len(pictures), most)).long().numpy()
+
+
+def load_images(pictures: Pictures, indices: Int64[np.ndarray, " N"]) -> Float[Tensor, "N 3 S S"]:
+    return pictures.pixels(torch.as_tensor(indices)).float() / 255
 
 
 def true_joints(pictures: Pictures, body: Body, indices: np.ndarray) -> Float64[np.ndarray, "N J 2"]:

@@ -14,7 +14,7 @@ from torch import Tensor
 from avatargen.data.dataset import Pictures
 from avatargen.generator.camera import camera_of_vector, rays
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, Person, make_people, render_person
+from avatargen.generator.picture import CanonicalSurface, People, make_people, render
 from avatargen.generator.renderer import Rendering
 from avatargen.generator.shell import Shell, shell_around
 
@@ -46,12 +46,13 @@ def ray_costs(
     views = list(zip(*rays(camera_of_vector(camera), size), strict=True))
     settings = [(steps, shell) for steps in STEPS for shell in (True, False)]
     totals = {setting: torch.zeros(3, dtype=torch.float64) for setting in settings}
-    for person, view in zip(people, views, strict=True):
-        many, _ = timed(generator, surface, person, view, MANY, shell=True)
+    for person, (origin, direction) in zip(people.parts, views, strict=True):
+        view = (origin[None], direction[None])
+        many, _ = timed(generator, person, view, MANY, shell=True)
         for steps, shell in settings:
-            seen, seconds = timed(generator, surface, person, view, steps, shell=shell)
-            color, mask = (seen.features - many.features)[:, :3], seen.mask - many.mask  # white behind
-            error = [seconds, float((color - mask[:, None]).abs().mean()), float(mask.abs().mean())]
+            seen, seconds = timed(generator, person, view, steps, shell=shell)
+            color, mask = (seen.features - many.features)[..., :3], seen.mask - many.mask  # white behind
+            error = [seconds, float((color - mask[..., None]).abs().mean()), float(mask.abs().mean())]
             totals[steps, shell] += torch.tensor(error, dtype=torch.float64) / pictures
     return [
         Cost(steps=steps, shell=shell, seconds=float(t[0]), color=float(t[1]), mask=float(t[2]))
@@ -61,8 +62,7 @@ def ray_costs(
 
 def timed(
     generator: AvatarGenerator,
-    surface: CanonicalSurface,
-    person: Person,
+    person: People,
     view: tuple[Tensor, Tensor],
     steps: int,
     *,
@@ -73,8 +73,8 @@ def timed(
     started = time.process_time()
     around = shell_around(person.posed.vertices, settings.shell)
     if not shell:
-        around = Shell(origin=around.origin, marked=torch.ones_like(around.marked))
-    seen = render_person(generator, surface, person, view, None, settings, around)
+        around = Shell(box=around.box, marked=torch.ones_like(around.marked))
+    seen = render(generator, person, view, None, settings=settings, shell=around)
     return seen, time.process_time() - started
 
 

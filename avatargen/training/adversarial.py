@@ -1,19 +1,19 @@
-"""Adversarial training from single pictures (sections 3.4 and 3.5), in one loop.
+"""Adversarial training from single pictures (sections 3.4 and 3.5), in one loop, of any `PictureModel`.
 
     labels, z --generator--> pictures --dual discriminator--> logits
     pictures of people     ----------^
 
-Everything random in a step is drawn from (seed, step) for the whole batch before it is divided among
-processes: a resumed run, and one on more processes, sees the same numbers.
+On a GPU nothing in a step waits for its numbers: they are looked at when a line of the log is due.
 
-Letters: B pictures of a process, Z size of the latent, L length of a label.
+Letters: B pictures of a process.
 """
 
 import json
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -26,15 +26,10 @@ from avatargen.atomic import write_atomically
 from avatargen.body.model import Body, canonical_body
 from avatargen.data.dataset import Pictures
 from avatargen.errors import TrainingError
-from avatargen.generator.camera import camera_of_vector
-from avatargen.generator.checkpoint import Checkpoint, save_checkpoint
-from avatargen.generator.config import GeneratorConfig, for_body
-from avatargen.generator.decoder import fit_reach
-from avatargen.generator.density import Density
-from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, Person, Picture, make_people, picture_people
+from avatargen.generator.config import body_hash
+from avatargen.generator.picture import Picture
 from avatargen.run_folder import claim, cut_log
-from avatargen.training.adversarial_config import NETWORKS, AdversarialConfig
+from avatargen.training.adversarial_config import AdversarialConfig
 from avatargen.training.adversarial_state import (
     MAY_CHANGE,
     State,
@@ -43,74 +38,14 @@ from avatargen.training.adversarial_state import (
     restore,
     save_state,
 )
-from avatargen.training.losses import (
-    discriminator_loss,
-    generator_loss,
-    geometry_losses,
-    r1_penalty,
-)
-from avatargen.training.snapshot import picture_grid, tensorboard
+from avatargen.training.batches import Batch, batches, split, to_device
+from avatargen.training.best_snapshot import Watch, snapshot_path, watch_snapshot
+from avatargen.training.losses import discriminator_loss, generator_loss, r1_penalty
+from avatargen.training.picture_model import Generated, PictureModel
+from avatargen.training.snapshot import Board, picture_grid, tensorboard
 
 if TYPE_CHECKING:
     from accelerate import Accelerator
-
-HALF_DIGITS = 2e-3  # share by which a number moves when a file keeps it in 16 bits, and some
-SNAPSHOTS = "snapshots"  # folder of a run's averaged weights, each named by the pictures shown
-
-
-@dataclass(frozen=True, kw_only=True)
-class Batch:
-    """What one process needs for a step: real pictures with labels, and draws for generated ones."""
-
-    real: Float[Tensor, "B 3 S S"]
-    real_label: Float[Tensor, "B L"]
-    z: Float[Tensor, "B Z"]
-    other_z: Float[Tensor, "B Z"]  # the second latent of mixed styles
-    crossover: int  # plane resolution from which the second latent rules; 0: none is mixed
-    camera: Float[Tensor, "B 25"]
-    mapped_camera: Float[Tensor, "B 25"]  # which the latent is mapped under
-    pose: Float[Tensor, "B J 3"]
-    betas: Float[Tensor, "B b"]
-    draws: list[torch.Generator]  # one a picture, for samples along rays and points of losses
-
-    @property
-    def label(self) -> Float[Tensor, "B L"]:
-        """Camera, pose and betas of the generated pictures, as the discriminator takes them."""
-        return torch.cat([self.camera, self.pose.flatten(1), self.betas], dim=1)
-
-
-def draw_batch(
-    pictures: Pictures, config: AdversarialConfig, networks: GeneratorConfig, step: int, share: slice
-) -> Batch:
-    """The batch of a step, or a process's share of it."""
-    random = torch.Generator().manual_seed((config.seed * 1_000_000_007 + step) % 2**63)
-    B, Z = config.batch, networks.mapping.z_size
-    real, asked, swapped = pictures.choose((3, B), random)
-    z, other_z = torch.randn(2, B, Z, generator=random)
-    swap = torch.rand(B, generator=random) < config.variety.camera_swap
-    mix = float(torch.rand((), generator=random)) < config.variety.style_mixing
-    crossover = int(torch.randint(1, len(networks.synthesis.blocks), (), generator=random)) if mix else 0
-    seeds = torch.randint(2**62, (B,), generator=random)[share]
-    camera, pose, betas = pictures.row(asked[share])
-    mapped = torch.where(swap[share, None], pictures.row(swapped[share])[0], camera)
-    real_camera, real_pose, real_betas = pictures.row(real[share])
-    return Batch(
-        real=torch.stack([pictures.image(int(i)) for i in real[share]]),
-        real_label=torch.cat([real_camera, real_pose.flatten(1), real_betas], dim=1),
-        z=z[share],
-        other_z=other_z[share],
-        crossover=crossover,
-        camera=camera,
-        mapped_camera=mapped,
-        pose=pose,
-        betas=betas,
-        draws=[torch.Generator().manual_seed(int(seed)) for seed in seeds],
-    )
-
-
-def to_device(batch: Batch, device: torch.device) -> Batch:
-    tensors = {name: value.to(device) for name, value in vars(batch).items() if isinstance(value, Tensor)}
-    return replace(batch, **tensors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,132 +53,100 @@ class Run:
     """What stays the same over the steps of a run."""
 
     config: AdversarialConfig
-    surface: CanonicalSurface
     accelerator: "Accelerator"
 
-    def autocast(self) -> torch.autocast:
+    def autocast(self) -> AbstractContextManager:
         """The precision of the networks' operations; without a scaler of accelerate's, as `State` has one."""
         name = self.config.precision
         half = torch.float16 if name == "fp16" else torch.bfloat16
-        return torch.autocast(self.accelerator.device.type, half, enabled=name != "no")
+        return nullcontext() if name == "no" else torch.autocast(self.accelerator.device.type, half)
 
 
 def train(
     config: AdversarialConfig,
+    model: PictureModel,
     pictures: Pictures,
     body: Body,
     out: Path,
     accelerator: "Accelerator",
     report: Callable[[str], None],
-    start: Checkpoint | None = None,
-) -> AvatarGenerator:
-    """Run, or continue, the training in folder `out`; returns the averaged generator.
+    start: str = "random weights",
+    watch: Watch | None = None,
+) -> PictureModel:
+    """Run, or continue, the training of a fresh model in folder `out`; returns it with averaged weights.
 
-    `start` gives the generator its first weights; without it they are random. `report` takes progress lines.
+    `start` names the weights that the model begins with. `report` takes progress lines. `watch` measures
+    snapshots, of which the best is kept by name.
 
     Raises:
-        TrainingError: gradients are not finite or explode, or the pictures' labels or the weights to start
-            from are of another body.
+        TrainingError: gradients are not finite or explode, or the pictures' labels are of another body.
         InputError: the folder holds another run.
     """
-    networks = generator_config(config, body, start)
-    if not pictures.labels.may_be_of(networks.body_hash):
+    if not pictures.labels.may_be_of(body_hash(canonical_body(body))):
         raise TrainingError(
             f"train: the labels in {pictures.folder} are of another body; name it with --body"
         )
-    run = Run(config=config, surface=CanonicalSurface(body), accelerator=accelerator)
+    if accelerator.device.type == "cuda":
+        torch.set_float32_matmul_precision("high")  # of the networks; geometry multiplies no matrices
+    run = Run(config=config, accelerator=accelerator)
     main, share = accelerator.is_main_process, share_of_process(config, accelerator)
     if main:
-        start_name = start.weights_hash if start else "random weights"
-        settings = describe(config, networks, pictures, body, start_name)
+        settings = describe(config, model, pictures, body, start)
         claim(out, "config.json", settings, "train", made=["state.pt"], free=MAY_CHANGE)
-    state = begin(config, networks, pictures, body, accelerator.device, start)
+    state = new_state(config, model, pictures.labels.rows().shape[1], accelerator.device)
     if (out / "state.pt").exists():
         restore(state, out / "state.pt")
     if main:
         cut_log(out / "log.jsonl", "images", state.images, "train")
     if main and state.images == 0:
         keep_weights(state, run, pictures, out)
-    board = tensorboard(out, state.images) if main else None
-    started, first = time.monotonic(), state.images
-    while state.images < config.images:
-        step = state.images // config.batch
-        batch = to_device(draw_batch(pictures, config, networks, step, share), accelerator.device)
-        numbers = step_once(state, run, batch, step)
-        if main and (step + 1) % config.report_every == 0:
-            line = {"images": state.images, **numbers}
-            with (out / "log.jsonl").open("a") as log:
-                log.write(json.dumps(line) + "\n")
-            if board:
-                board(line)
-            report(summarize(line, config, (state.images - first) / (time.monotonic() - started)))
-        if main and snapshot_is_due(state.images, config):
-            snapshot(state, run, pictures, out)
+    continue_to_end(state, run, pictures, out, share, report, watch)
     return state.average
 
 
-def begin(
-    config: AdversarialConfig,
-    networks: GeneratorConfig,
+def continue_to_end(
+    state: State,
+    run: Run,
     pictures: Pictures,
-    body: Body,
-    device: torch.device,
-    start: Checkpoint | None,
-) -> State:
-    """The networks before the first step."""
-    weights = first_weights(start, config) if start else None
-    state = new_state(config, networks, pictures.labels.rows().shape[1], device, weights)
-    if start is None:
-        fit_reach(state.generator.decoder, canonical_body(body))
-        state.average.load_state_dict(state.generator.state_dict())
-    return state
+    out: Path,
+    share: slice,
+    report: Callable[[str], None],
+    watch: Watch | None,
+) -> None:
+    """Step to the end, with lines of the log and snapshots on the way."""
+    config, device, main = run.config, run.accelerator.device, run.accelerator.is_main_process
+    board = tensorboard(out, state.images) if main else None
+    started, first, steps = time.monotonic(), state.images, []
+    room = state.generator.survey(pictures.row(torch.arange(len(pictures))))
+    with closing(batches(pictures, config, state.generator, first // config.batch, share, room)) as coming:
+        while state.images < config.images:
+            step = state.images // config.batch
+            steps.append(step_once(state, run, to_device(next(coming), device), step))
+            told = (step + 1) % config.report_every == 0
+            due = snapshot_is_due(state.images, config)
+            if not (told or due or device.type == "cpu"):  # to look is to wait, but on the CPU
+                continue
+            lines = look(steps, state, config)
+            steps = []
+            if main and told:
+                speed = (state.images - first) / (time.monotonic() - started)
+                write_line(lines[-1], out, board)
+                report(summarize(lines[-1], config, speed))
+            if main and due:
+                snapshot(state, run, pictures, out, watch, board)
+
+
+def write_line(line: dict[str, float | int], out: Path, board: Board | None) -> None:
+    with (out / "log.jsonl").open("a") as log:
+        log.write(json.dumps(line) + "\n")
+    if board:
+        board(line)
 
 
 def snapshot_is_due(images: int, config: AdversarialConfig) -> bool:
     """Whether the step that ended at `images` crossed a multiple of the interval, or the end."""
     before = images - config.batch
     return images // config.snapshot_every > before // config.snapshot_every or images >= config.images
-
-
-def generator_config(config: AdversarialConfig, body: Body, start: Checkpoint | None) -> GeneratorConfig:
-    """The networks of the preset, or of the weights to start from, with this run's geometry and rendering.
-
-    The deformation is also this run's, unless the weights bring one that has learned.
-
-    Raises:
-        TrainingError: those weights are of another body.
-    """
-    fresh = for_body(NETWORKS[config.networks], canonical_body(body))
-    networks = start.generator.config if start else fresh
-    if networks.body_hash != fresh.body_hash:
-        raise TrainingError("train: the weights to start from are of another body; start without them")
-    decoder = networks.decoder
-    if config.geometry.prior == "none":
-        decoder = replace(decoder, vertex_features=0)
-    learned = start is not None and learned_deformation(start.generator)
-    deformation = networks.deformation if learned else config.deformation
-    return replace(
-        networks, geometry=config.geometry, render=config.render, decoder=decoder, deformation=deformation
-    )
-
-
-def learned_deformation(generator: AvatarGenerator) -> bool:
-    """Whether the deformation moves anything; before adversarial training it does not."""
-    leave = generator.deformation.leave
-    return bool(leave.weight.any() or leave.bias.any())
-
-
-def first_weights(start: Checkpoint, config: AdversarialConfig) -> dict[str, Tensor]:
-    """The weights to start from; where nothing was rendered in their training, with this run's sharpness. A
-    deformation that has not learned is left out, and begins anew.
-    """
-    weights, rendering = start.generator.state_dict(), start.generator.config.render
-    if not learned_deformation(start.generator):
-        weights = {name: value for name, value in weights.items() if not name.startswith("deformation.")}
-    untrained = Density(rendering.initial_alpha).p.detach()
-    if torch.isclose(weights["density.p"].cpu(), untrained, rtol=HALF_DIGITS):
-        weights["density.p"] = Density(config.render.initial_alpha).p.detach()
-    return weights
 
 
 def share_of_process(config: AdversarialConfig, accelerator: "Accelerator") -> slice:
@@ -262,84 +165,66 @@ def share_of_process(config: AdversarialConfig, accelerator: "Accelerator") -> s
     return slice(accelerator.process_index * each, (accelerator.process_index + 1) * each)
 
 
-def step_once(state: State, run: Run, batch: Batch, step: int) -> dict[str, float]:
-    """One step of both networks on the same generated pictures; returns the numbers of the log."""
+def step_once(state: State, run: Run, batch: Batch, step: int) -> dict[str, Float[Tensor, ""]]:
+    """One step of both networks on the same generated pictures; returns the numbers of the log.
+
+    A batch that is worked on in parts is generated twice, so that one part's graph is kept at a time.
+    """
     config = run.config
     sigma = config.variety.blur * max(0.0, 1 - state.images / config.variety.blur_fade)
-    with run.autocast():
-        people, fake = generate(state.generator, run.surface, batch)
-    numbers = improve_discriminator(state, run, batch, fake, sigma, lazy=step % config.losses.r1_every == 0)
+    parts = split(batch, config.at_once or len(batch.real))
+    with run.autocast(), torch.set_grad_enabled(len(parts) == 1):
+        fakes = [state.generator.generate(part.asked) for part in parts]
+    lazy = step % config.losses.r1_every == 0
+    judged = discriminator_terms(state, run, parts, [fake.picture for fake in fakes], sigma, lazy=lazy)
+    numbers = descend(judged, "discriminator", state, run)
     state.discriminator.requires_grad_(False)  # the generator's step wants no gradients of its judge
-    numbers |= improve_generator(state, run, batch, people, fake, sigma)
+    numbers |= descend(generator_terms(state, run, parts, fakes, sigma), "generator", state, run)
     state.discriminator.requires_grad_(True)
     state.scaler.update()
     state.images += config.batch
     update_average(state, config)
-    return numbers
+    return numbers | state.generator.numbers()
 
 
-def generate(
-    generator: AvatarGenerator, surface: CanonicalSurface, batch: Batch
-) -> tuple[list[Person], Picture]:
-    """People of the batch's latents, and their pictures."""
-    w = generator.mapping(batch.z, batch.mapped_camera)
-    planes, late = generator.planes(w), w
-    if batch.crossover:
-        late = generator.mapping(batch.other_z, batch.mapped_camera)
-        planes = generator.synthesis(w, late, batch.crossover)
-    people = make_people(generator, surface, late.float(), planes.float(), batch.pose, batch.betas)
-    return people, picture_people(generator, surface, people, camera_of_vector(batch.camera), batch.draws)
+def discriminator_terms(
+    state: State, run: Run, parts: list[Batch], fakes: list[Picture], sigma: float, *, lazy: bool
+) -> Iterator[tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]]:
+    """The discriminator's loss on each part of a batch, now and then with R1, and the numbers of the log."""
+    for batch, fake in zip(parts, fakes, strict=True):
+        size, weights = fake.raw.shape[-1], run.config.losses
+        real_raw = F.interpolate(batch.real, size=(size, size), mode="area")
+        with run.autocast():
+            on_fake = judge(state.discriminator, fake.image.detach(), fake.raw.detach(), batch.label, sigma)
+            on_real = judge(state.discriminator, batch.real, real_raw, batch.real_label, sigma)
+        loss = discriminator_loss(on_fake.float(), on_real.float())
+        numbers = {
+            "discriminator": loss.detach(),
+            "real_logit": on_real.detach().mean(),
+            "fake_logit": on_fake.detach().mean(),
+        }
+        if lazy:
+            ratio = size / batch.real.shape[-1]
+            penalty = r1_penalty(
+                state.discriminator, blur(batch.real, sigma), blur(real_raw, sigma * ratio), batch.real_label
+            )
+            loss = loss + penalty * weights.r1 * weights.r1_every
+        yield loss, numbers
 
 
-def improve_discriminator(
-    state: State, run: Run, batch: Batch, fake: Picture, sigma: float, *, lazy: bool
-) -> dict[str, float]:
-    """One step of the discriminator, now and then with R1."""
-    size, weights = fake.raw.shape[-1], run.config.losses
-    real_raw = F.interpolate(batch.real, size=(size, size), mode="area")
-    with run.autocast():
-        on_fake = judge(state.discriminator, fake.image.detach(), fake.raw.detach(), batch.label, sigma)
-        on_real = judge(state.discriminator, batch.real, real_raw, batch.real_label, sigma)
-    loss = discriminator_loss(on_fake.float(), on_real.float())
-    numbers = {
-        "discriminator": float(loss.detach()),
-        "real_logit": float(on_real.detach().mean()),
-        "fake_logit": float(on_fake.detach().mean()),
-    }
-    if lazy:
-        ratio = size / batch.real.shape[-1]
-        penalty = r1_penalty(
-            state.discriminator, blur(batch.real, sigma), blur(real_raw, sigma * ratio), batch.real_label
-        )
-        loss = loss + penalty * weights.r1 * weights.r1_every
-    numbers["discriminator_gradient"] = descend(loss, "discriminator", state, run)
-    return numbers
-
-
-def improve_generator(
-    state: State, run: Run, batch: Batch, people: list[Person], fake: Picture, sigma: float
-) -> dict[str, float]:
-    """One step of the generator, by the discriminator and by the losses of its geometry."""
-    weights = run.config.losses
-    with run.autocast():
-        logits = judge(state.discriminator, fake.image, fake.raw, batch.label, sigma)
-    adversarial = generator_loss(logits.float())
-    shape = geometry_losses(state.generator, run.surface, people, weights.points, batch.draws)
-    loss = (
-        adversarial
-        + weights.eikonal * shape.eikonal
-        + weights.minimal_surface * shape.minimal_surface
-        + weights.smpl * shape.smpl
-    )
-    norm = descend(loss, "generator", state, run)
-    return {
-        "generator": float(adversarial.detach()),
-        "eikonal": float(shape.eikonal.detach()),
-        "minimal_surface": float(shape.minimal_surface.detach()),
-        "smpl": float(shape.smpl.detach()),
-        "alpha": float(state.generator.density.alpha.detach()),
-        "generator_gradient": norm,
-    }
+def generator_terms(
+    state: State, run: Run, parts: list[Batch], fakes: list[Generated], sigma: float
+) -> Iterator[tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]]:
+    """The generator's loss on each part of a batch, by the discriminator and by its own losses, and the
+    numbers of the log."""
+    for batch, fake in zip(parts, fakes, strict=True):
+        with run.autocast():
+            seen = fake if len(parts) == 1 else state.generator.generate(batch.asked)
+            logits = judge(state.discriminator, seen.picture.image, seen.picture.raw, batch.label, sigma)
+        adversarial = generator_loss(logits.float())
+        own = seen.losses()
+        numbers = {"generator": adversarial.detach(), **{name: loss.detach() for name, loss in own.items()}}
+        yield torch.stack([adversarial, *own.values()]).sum(), numbers
 
 
 def judge(
@@ -363,31 +248,56 @@ def blur(picture: Float[Tensor, "B 3 S S"], sigma: float) -> Float[Tensor, "B 3 
 
 
 def descend(
-    loss: Float[Tensor, ""], name: Literal["generator", "discriminator"], state: State, run: Run
-) -> float:
-    """One step of a network down a loss whose gradients are averaged over the processes; returns their norm.
+    terms: Iterator[tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]],
+    name: Literal["generator", "discriminator"],
+    state: State,
+    run: Run,
+) -> dict[str, Float[Tensor, ""]]:
+    """One step of a network down the mean loss of a batch's parts, whose gradients are averaged over the
+    processes; returns the numbers of the log, the gradients' norm among them.
 
     In fp16 a step whose gradients overflow is left out, and the next one scales them less.
+    """
+    network, optimizer = getattr(state, name), getattr(state, f"{name}_optimizer")
+    optimizer.zero_grad(set_to_none=True)
+    count = run.config.batch // run.accelerator.num_processes
+    share = (run.config.at_once or count) / count
+    numbers: dict[str, Tensor] = {}
+    for loss, own in terms:
+        state.scaler.scale(loss * share).backward()
+        numbers = {key: numbers.get(key, 0) + value * share for key, value in own.items()}
+    gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
+    share_gradients(gradients, run)
+    state.scaler.unscale_(optimizer)
+    numbers[f"{name}_gradient"] = nn.utils.get_total_norm(gradients)
+    state.scaler.step(optimizer)
+    return numbers
+
+
+def look(
+    steps: list[dict[str, Float[Tensor, ""]]], state: State, config: AdversarialConfig
+) -> list[dict[str, float | int]]:
+    """The numbers of the steps since the last look, as lines of the log.
 
     Raises:
         TrainingError: gradients are not finite or explode; what was saved last stays.
     """
-    network, optimizer = getattr(state, name), getattr(state, f"{name}_optimizer")
-    optimizer.zero_grad(set_to_none=True)
-    state.scaler.scale(loss).backward()
-    gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
-    share_gradients(gradients, run)
-    state.scaler.unscale_(optimizer)
-    norm = float(torch.cat([gradient.flatten() for gradient in gradients]).norm())
-    overflow = state.scaler.is_enabled() and not math.isfinite(norm) and state.scaler.get_scale() > 1
-    if not norm < run.config.optimizer.largest_gradient and not overflow:
-        raise TrainingError(
-            f"train: the {name}'s gradient has norm {norm:.3g} at picture {state.images}, at most "
-            f"{run.config.optimizer.largest_gradient:.3g} is taken; lower the learning rates or raise r1 "
-            "(the last checkpoint is kept)"
-        )
-    state.scaler.step(optimizer)
-    return norm
+    numbers = torch.stack([torch.stack([value.float() for value in one.values()]) for one in steps]).cpu()
+    may_overflow = state.scaler.is_enabled() and state.scaler.get_scale() > 1
+    lines = []
+    for number, row in enumerate(numbers.tolist(), start=1 - len(steps)):
+        images = state.images + number * config.batch
+        lines.append({"images": images} | dict(zip(steps[0], row, strict=True)))
+        for name in ("discriminator", "generator"):
+            norm = lines[-1][f"{name}_gradient"]
+            overflow = may_overflow and not math.isfinite(norm)
+            if not norm < config.optimizer.largest_gradient and not overflow:
+                raise TrainingError(
+                    f"train: the {name}'s gradient has norm {norm:.3g} at picture {images}, at most "
+                    f"{config.optimizer.largest_gradient:.3g} is taken; lower the learning rates or raise r1 "
+                    "(the last checkpoint is kept)"
+                )
+    return lines
 
 
 def share_gradients(gradients: list[Tensor], run: Run) -> None:
@@ -410,25 +320,31 @@ def update_average(state: State, config: AdversarialConfig) -> None:
         kept.lerp_(new, 1 - keep)
 
 
-def snapshot(state: State, run: Run, pictures: Pictures, out: Path) -> None:
-    """Write the averaged generator, a picture grid and, last, the state to continue from."""
+def snapshot(
+    state: State, run: Run, pictures: Pictures, out: Path, watch: Watch | None, board: Board | None
+) -> None:
+    """Write the averaged generator, a picture grid, whether it is the best and, last, the state to continue
+    from.
+    """
     write_atomically(out / "generator.safetensors", keep_weights(state, run, pictures, out).read_bytes())
-    picture_grid(state.average, run.surface, pictures, out / "pictures" / f"{state.images:09d}.png")
+    grid = out / "pictures" / f"{state.images:09d}.png"
+    picture_grid(state.average, pictures, run.accelerator.device, grid)
+    numbers = watch_snapshot(watch, state.average, state.images, out) if watch else {}
+    if board and numbers:
+        board({"images": state.images} | {f"snapshot/{name}": value for name, value in numbers.items()})
     save_state(state, out / "state.pt")
 
 
-@torch.no_grad()
 def keep_weights(state: State, run: Run, pictures: Pictures, out: Path) -> Path:
     """Write the averaged generator under the number of pictures shown: the last is not always the best."""
     random = torch.Generator().manual_seed(run.config.seed)
-    average, device = state.average, run.accelerator.device
-    z = torch.randn(1024, average.config.mapping.z_size, generator=random)
+    device = run.accelerator.device
+    z = torch.randn(1024, state.average.z_size, generator=random)
     camera, _, _ = pictures.row(torch.randint(len(pictures), (1024,), generator=random))
-    average.mapping.average.copy_(average.mapping(z.to(device), camera.to(device)).mean(dim=0))
-    notes = {"licence": "Apache-2.0", "training": f"adversarial, {state.images} pictures"}
-    path = out / SNAPSHOTS / f"{state.images:09d}.safetensors"
+    state.average.settle(z.to(device), camera.to(device))
+    path = snapshot_path(out, state.images)
     path.parent.mkdir(exist_ok=True)
-    save_checkpoint(average, path, notes)
+    state.average.save(path, {"training": f"adversarial, {state.images} pictures"})
     return path
 
 
@@ -437,6 +353,6 @@ def summarize(line: dict[str, float | int], config: AdversarialConfig, speed: fl
     return (
         f"{line['images']}/{config.images} pictures  G {line['generator']:.3f}  "
         f"D {line['discriminator']:.3f}  "
-        f"logits {line['real_logit']:+.2f} {line['fake_logit']:+.2f}  eikonal {line['eikonal']:.3f}  "
+        f"logits {line['real_logit']:+.2f} {line['fake_logit']:+.2f}  "
         f"{speed:.1f} pictures/s"
     )

@@ -87,6 +87,7 @@ class AdversarialConfig:
     variety: VarietyConfig = field(default_factory=VarietyConfig)
     images: int = 100_000  # the end
     batch: int = 8  # over all processes
+    at_once: int = 0  # pictures that a process works on at a time, for less memory; 0: its whole share
     seed: int = 0
     snapshot_every: int = 2_000  # weights, which are kept, state and picture grid
     report_every: int = 10  # steps between lines of the log
@@ -97,6 +98,11 @@ class AdversarialConfig:
             raise InputError(
                 f"training config: batch {self.batch} is no whole number of groups of "
                 f"{self.discriminator.group}; change either"
+            )
+        if self.at_once and (self.batch % self.at_once or self.at_once % self.discriminator.group):
+            raise InputError(
+                f"training config: at_once {self.at_once} does not divide batch {self.batch} into whole "
+                f"groups of {self.discriminator.group}; change either"
             )
         lengths = dict.fromkeys(("images", "snapshot_every", "report_every"), (1, MANY))
         require_ranges(self, "training", lengths | {"seed": (0, MANY)})
@@ -159,6 +165,8 @@ PRESETS = {
         variety=VarietyConfig(style_mixing=0.9, blur=10.0, blur_fade=200_000),
         images=25_000_000,
         batch=32,
+        at_once=8,
         snapshot_every=100_000,
+        precision="bf16",
     ),
 }

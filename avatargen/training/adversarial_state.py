@@ -16,17 +16,15 @@ from pickle import UnpicklingError
 from typing import Any
 
 import torch
-from torch import Tensor
 
 from avatargen.atomic import write_atomically
 from avatargen.body.model import Body
 from avatargen.data.dataset import Pictures
 from avatargen.errors import TrainingError
-from avatargen.generator.config import GeneratorConfig
-from avatargen.generator.generator import AvatarGenerator
 from avatargen.run_folder import digest_arrays
 from avatargen.training.adversarial_config import AdversarialConfig, OptimizerConfig
 from avatargen.training.discriminator import Discriminator
+from avatargen.training.picture_model import PictureModel
 
 MAY_CHANGE = ("training.images", "data.folder")  # how long to train, and where the pictures lie
 
@@ -36,8 +34,8 @@ class State:
     """All that a run continues from; `images` counts the pictures shown to the discriminator."""
 
     images: int
-    generator: AvatarGenerator
-    average: AvatarGenerator
+    generator: PictureModel
+    average: PictureModel
     discriminator: Discriminator
     generator_optimizer: torch.optim.Adam
     discriminator_optimizer: torch.optim.Adam
@@ -48,43 +46,20 @@ class State:
         return {name: part for name, part in vars(self).items() if name != "images"}
 
 
-def new_state(
-    config: AdversarialConfig,
-    generator_config: GeneratorConfig,
-    label_size: int,
-    device: torch.device,
-    start: dict[str, Tensor] | None = None,
-) -> State:
-    """Seeded random networks; the generator's weights are `start` where given, which may leave
-    out the deformation's.
-
-    Raises:
-        TrainingError: those weights are of other networks.
-    """
+def new_state(config: AdversarialConfig, model: PictureModel, label_size: int, device: torch.device) -> State:
+    """A run before its first step: the model, and a discriminator of seeded random weights."""
     torch.manual_seed(config.seed)
-    generator = AvatarGenerator(generator_config)
-    discriminator = Discriminator(
-        config.discriminator, size=generator_config.render.image_size, label_size=label_size
-    )
-    if start is not None:
-        try:
-            deformation = generator.deformation.state_dict(prefix="deformation.")
-            generator.load_state_dict(deformation | start)
-        except RuntimeError as error:
-            raise TrainingError(
-                "train: the weights to start from are of other networks "
-                f"({str(error).splitlines()[-1].strip()}); change the picture sizes or start without them"
-            ) from error
-    generator.to(device)
+    discriminator = Discriminator(config.discriminator, size=model.render.image_size, label_size=label_size)
+    model.to(device)
     discriminator.to(device)
     lazy = config.losses.r1_every / (config.losses.r1_every + 1)  # of its steps one more is the penalty's
     rates = config.optimizer
     return State(
         images=0,
-        generator=generator,
-        average=copy.deepcopy(generator).eval().requires_grad_(False),
+        generator=model,
+        average=copy.deepcopy(model).eval().requires_grad_(False),
         discriminator=discriminator,
-        generator_optimizer=adam(generator_groups(generator, rates), rates, 1.0),
+        generator_optimizer=adam(model.groups(rates), rates, 1.0),
         discriminator_optimizer=adam(
             [{"params": list(discriminator.parameters()), "lr": rates.discriminator_rate}], rates, lazy
         ),
@@ -92,19 +67,13 @@ def new_state(
     )
 
 
-def generator_groups(generator: AvatarGenerator, config: OptimizerConfig) -> list[dict[str, Any]]:
-    """All parameters at one rate, but the density's, which a step of that size would undo."""
-    density = list(generator.density.parameters())
-    others = [p for name, p in generator.named_parameters() if not name.startswith("density.")]
-    rate = config.generator_rate
-    return [{"params": others, "lr": rate}, {"params": density, "lr": rate * config.density_share}]
-
-
 def adam(groups: list[dict[str, Any]], config: OptimizerConfig, lazy: float) -> torch.optim.Adam:
     """Adam; `lazy` is the share of its steps that are not the penalty's."""
     for group in groups:
         group["lr"] *= lazy
-    return torch.optim.Adam(groups, betas=(config.beta1**lazy, config.beta2**lazy), eps=1e-8)
+    on_gpu = all(parameter.is_cuda for group in groups for parameter in group["params"])
+    betas = (config.beta1**lazy, config.beta2**lazy)
+    return torch.optim.Adam(groups, betas=betas, eps=1e-8, fused=on_gpu)
 
 
 def save_state(state: State, path: Path) -> None:
@@ -131,12 +100,12 @@ def restore(state: State, path: Path) -> None:
 
 
 def describe(
-    config: AdversarialConfig, generator_config: GeneratorConfig, pictures: Pictures, body: Body, start: str
+    config: AdversarialConfig, model: PictureModel, pictures: Pictures, body: Body, start: str
 ) -> dict[str, Any]:
     """All that a run depends on, as it is written beside it."""
     return {
         "training": dataclasses.asdict(config),
-        "generator": dataclasses.asdict(generator_config),
+        "generator": model.settings(),
         "data": {"folder": str(pictures.folder.resolve()), "contents": pictures.contents()},
         "body": digest_arrays(vars(body)),
         "start": start,

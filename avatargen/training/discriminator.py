@@ -92,7 +92,10 @@ class Discriminator(nn.Module):
     ) -> Float[Tensor, " B"]:
         """Pictures are sRGB 0..1; `label` is camera, pose and betas in a row."""
         wide = F.interpolate(raw, size=image.shape[-2:], mode="bilinear", align_corners=False)
-        x = leaky_relu(self.enter(torch.cat([image, wide], dim=1) * 2 - 1))
+        both = torch.cat([image, wide], dim=1) * 2 - 1
+        if both.is_cuda:  # the order in which its convolutions are fastest
+            both = both.contiguous(memory_format=torch.channels_last)
+        x = leaky_relu(self.enter(both))
         for block in self.blocks:
             x = block(x)
         x = torch.cat([x, variety(x, self.config.group)], dim=1)

@@ -11,20 +11,21 @@ what its relatives use, and here.
 Letters: B pictures, P people, N points.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 from torch.nn import functional as F
 
+from avatargen.generator.draws import normal, uniform
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, Person, field_of_person
+from avatargen.generator.picture import People, field_of_people
 from avatargen.training.discriminator import Discriminator
 
 STEEPNESS = 100.0  # per metre, of the minimal-surface loss
 SCATTER = 0.04  # metres around the body within which the slope is asked
+NEAR, AROUND, ON_BODY = 1, 2, 4  # streams of a person's seed; samples along rays take the first, 0
 BODY_POINTS = 256  # vertices of the body at which the smpl loss asks
 
 
@@ -57,30 +58,26 @@ def r1_penalty(
     image, raw = image.detach().requires_grad_(), raw.detach().requires_grad_()
     logits = discriminator(image, raw, label)
     slopes = torch.autograd.grad(logits.sum(), [image, raw], create_graph=True)
-    return sum((slope.square().sum(dim=(1, 2, 3)).mean() for slope in slopes), torch.zeros(())) / 2
+    return torch.stack([slope.square().sum(dim=(1, 2, 3)).mean() for slope in slopes]).sum() / 2
 
 
-def eikonal(slope: Float[Tensor, " N"]) -> Float[Tensor, ""]:
+def eikonal(slope: Float[Tensor, "*batch N"]) -> Float[Tensor, ""]:
     """How far slopes are from one."""
     return (slope - 1).square().mean()
 
 
-def minimal_surface(sdf: Float[Tensor, " N"]) -> Float[Tensor, ""]:
+def minimal_surface(sdf: Float[Tensor, "*batch N"]) -> Float[Tensor, ""]:
     """How near to zero distances in metres are; at most 1, on the surface."""
     return torch.exp(-STEEPNESS * sdf.abs()).mean()
 
 
-def slope_of(gradient: Float[Tensor, "N 3"]) -> Float[Tensor, " N"]:
+def slope_of(gradient: Float[Tensor, "*batch N 3"]) -> Float[Tensor, "*batch N"]:
     """Lengths of gradients, with a derivative that is finite where a gradient is zero."""
     return (gradient.square().sum(dim=-1) + 1e-12).sqrt()
 
 
 def geometry_losses(
-    generator: AvatarGenerator,
-    surface: CanonicalSurface,
-    people: Sequence[Person],
-    points: int,
-    draws: Sequence[torch.Generator],
+    generator: AvatarGenerator, people: People, points: int, seeds: Int64[Tensor, " B"]
 ) -> GeometryLosses:
     """The three losses on the people's fields at random points near their posed bodies.
 
@@ -89,36 +86,42 @@ def geometry_losses(
     are learned at its vertices count as constant.
     """
     if generator.config.geometry.representation == "density":
-        zero = torch.zeros((), device=people[0].w.device)
+        zero = torch.zeros((), device=people.w.device)
         return GeometryLosses(eikonal=zero, minimal_surface=zero, smpl=zero)
-    rows = [
-        losses_of_person(generator, surface, person, points, draw)
-        for person, draw in zip(people, draws, strict=True)
-    ]
-    means = [torch.stack(column).mean() for column in zip(*rows, strict=True)]
-    return GeometryLosses(eikonal=means[0], minimal_surface=means[1], smpl=means[2])
+    own = seeds.split([len(part) for part in people.parts])
+    means = [losses_of(generator, *pair, points) for pair in zip(people.parts, own, strict=True)]
+    eikonal, minimal_surface, smpl = (torch.stack(column).mean() for column in zip(*means, strict=True))
+    return GeometryLosses(eikonal=eikonal, minimal_surface=minimal_surface, smpl=smpl)
 
 
-def losses_of_person(
-    generator: AvatarGenerator, surface: CanonicalSurface, person: Person, count: int, draw: torch.Generator
+def losses_of(
+    generator: AvatarGenerator, people: People, seeds: Int64[Tensor, " B"], count: int
 ) -> tuple[Float[Tensor, ""], Float[Tensor, ""], Float[Tensor, ""]]:
-    """Eikonal, minimal-surface and smpl loss of one person."""
-    vertices = torch.from_numpy(person.posed.vertices).float()
-    near = vertices[torch.randint(len(vertices), (count,), generator=draw)]
-    near = near + torch.randn(near.shape, generator=draw) * SCATTER
-    sdf, slope = distance_and_slope(generator, surface, person, near.to(person.w.device))
-    body = vertices[torch.randint(len(vertices), (BODY_POINTS,), generator=draw)].to(person.w.device)
-    canonical, _ = person.map(body, generator.config.render.nearest)
-    on_body, _ = field_of_person(generator, surface, person, body, canonical)
+    """Eikonal, minimal-surface and smpl loss of some people of one batch."""
+    near = some_vertices(people, count, seeds, NEAR)
+    near = near + normal(seeds, 3 * count, AROUND).view_as(near) * SCATTER
+    sdf, slope = distance_and_slope(generator, people, near)
+    body = some_vertices(people, BODY_POINTS, seeds, ON_BODY)
+    canonical, _, vertex = people.posed.to_canonical(body, generator.config.render.nearest)
+    on_body, _ = field_of_people(generator, people, body, canonical, vertex)
     return eikonal(slope), minimal_surface(sdf), on_body.abs().mean()
 
 
+def some_vertices(
+    people: People, count: int, seeds: Int64[Tensor, " B"], stream: int
+) -> Float[Tensor, "B N 3"]:
+    """Random vertices of the posed bodies."""
+    vertices = people.posed.vertices
+    index = (uniform(seeds, count, stream) * vertices.shape[1]).long()
+    return vertices.gather(1, index[..., None].expand(-1, -1, 3))
+
+
 def distance_and_slope(
-    generator: AvatarGenerator, surface: CanonicalSurface, person: Person, points: Float[Tensor, "N 3"]
-) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"]]:
+    generator: AvatarGenerator, people: People, points: Float[Tensor, "B N 3"]
+) -> tuple[Float[Tensor, "B N"], Float[Tensor, "B N"]]:
     """Distance and the length of its gradient at posed points; both can be differentiated by the weights."""
     points = points.detach().requires_grad_()
-    canonical, _ = person.map(points, generator.config.render.nearest)
-    sdf, _ = field_of_person(generator, surface, person, points, canonical, "differentiable")
+    canonical, _, near = people.posed.to_canonical(points, generator.config.render.nearest)
+    sdf, _ = field_of_people(generator, people, points, canonical, near, "differentiable")
     (gradient,) = torch.autograd.grad(sdf.sum(), points, create_graph=True)
     return sdf, slope_of(gradient)

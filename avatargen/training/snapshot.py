@@ -13,29 +13,33 @@ from torch import Tensor
 
 from avatargen.atomic import write_atomically
 from avatargen.data.dataset import Pictures
-from avatargen.generator.camera import camera_of_vector
-from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, take_picture
+from avatargen.training.picture_model import Asked, PictureModel
 
+Board = Callable[[dict[str, float | int]], None]  # takes numbers by name, `images` among them
 PEOPLE, LABELS = 4, 6  # rows and columns
 
 
 @torch.no_grad()
-def picture_grid(
-    generator: AvatarGenerator, surface: CanonicalSurface, pictures: Pictures, path: Path
-) -> None:
+def picture_grid(model: PictureModel, pictures: Pictures, device: torch.device, path: Path) -> None:
     """A row a person, always the same ones, each column in the camera, pose and shape of one picture."""
     random = torch.Generator().manual_seed(0)
-    z = torch.randn(PEOPLE, generator.config.mapping.z_size, generator=random)
-    device = generator.density.p.device
+    z = torch.randn(PEOPLE, model.z_size, generator=random)
     chosen = torch.randint(len(pictures), (LABELS,), generator=random)
     camera, pose, betas = (part.to(device) for part in pictures.row(chosen))
-    rows = [
-        take_picture(
-            generator, surface, one.expand(LABELS, -1).to(device), camera_of_vector(camera), pose, betas
-        ).image
-        for one in z
-    ]
+    rows = []
+    for one in z:
+        many = one.expand(LABELS, -1).to(device)
+        asked = Asked(
+            z=many,
+            other_z=many,
+            crossover=0,
+            camera=camera,
+            mapped_camera=camera,
+            pose=pose,
+            betas=betas,
+            seeds=None,
+        )
+        rows.append(model.generate(asked).picture.image)
     path.parent.mkdir(exist_ok=True)
     stream = io.BytesIO()
     Image.fromarray(np.concatenate([side_by_side(row) for row in rows])).save(stream, format="png")
@@ -48,7 +52,7 @@ def side_by_side(images: Tensor) -> UInt8[np.ndarray, "S W 3"]:
     return pixels.flatten(1, 2).numpy()
 
 
-def tensorboard(out: Path, images: int) -> Callable[[dict[str, float | int]], None] | None:
+def tensorboard(out: Path, images: int) -> Board | None:
     """A function that adds a line of the log to the curves; none where TensorBoard is not installed."""
     if importlib.util.find_spec("tensorboard") is None:
         return None

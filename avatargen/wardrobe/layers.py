@@ -3,7 +3,8 @@
 Distances here are first-order: offsets, intersections and smooth unions of true distances, slopes near 1.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -12,6 +13,7 @@ from torch import Tensor
 Number = Tensor | float | int
 
 EDGE = 0.0006  # m, softness of a colour edge on the surface
+DEEPEST = 87.0  # e to the minus this is still a normal float32; below, exponentials take ten times as long
 BLEND = 0.003  # m, rounding where two layers meet
 
 
@@ -31,7 +33,7 @@ def ramp(x: Tensor, low: Number, high: Number) -> Tensor:
 
 def bump(x: Tensor, centre: Number, width: Number) -> Tensor:
     """Gaussian of height 1."""
-    return torch.exp(-(((x - centre) / width) ** 2))
+    return torch.exp(-(((x - centre) / width) ** 2).clamp(max=DEEPEST))
 
 
 def mix(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
@@ -51,9 +53,16 @@ def over(below: Layer, above: Layer) -> Layer:
     return Layer(sdf=smooth_min(below.sdf, above.sdf), color=mix(below.color, above.color, visible))
 
 
-def when(worn: Float[Tensor, "B 1"], layer: Layer) -> Layer:
-    """The layer for those who wear it; infinitely thin and far away for the rest."""
-    return Layer(sdf=torch.where(worn > 0.5, layer.sdf, torch.ones_like(layer.sdf)), color=layer.color)
+def over_those(below: Layer, worn: Float[Tensor, "B 1"], layer: Callable[[], Layer]) -> Layer:
+    """Lay a layer over those who wear it; it is made only where somebody does.
+
+    For the others it is a metre away, further than any place asked for is from a person.
+    """
+    wearing = worn > 0.5
+    if not wearing.any():
+        return below
+    above = layer()
+    return over(below, replace(above, sdf=torch.where(wearing, above.sdf, torch.ones_like(above.sdf))))
 
 
 def cloth(body: Tensor, thickness: Number, covered: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ from avatargen.wardrobe import garments
 from avatargen.wardrobe.attributes import People
 from avatargen.wardrobe.chart import Places
 from avatargen.wardrobe.hair import beanie, hair, style
-from avatargen.wardrobe.layers import Layer, over, when
+from avatargen.wardrobe.layers import Layer, over, over_those
 from avatargen.wardrobe.skin import skin
 
 
@@ -26,16 +26,19 @@ def dress_up(places: Places, people: People) -> Layer:
     places = places.for_people(len(people.z))
     skirted, hat = garments.has_skirt(people), wears_hat(people)
     tucked = people.choice("tucked") * (1 - garments.has_dress(people))
-    person = skin(places, people)
-    person = over(person, when(people.choice("fringe"), garments.socks(places, people)))
-    person = over(person, garments.shoes(places, people))
+    untucked, legged = 1 - tucked, 1 - skirted
     upper = garments.top(places, people)
-    person = over(person, when(tucked, upper))
-    person = over(person, when(1 - skirted, garments.trousers(places, people)))
-    person = over(person, when(skirted, garments.skirt(places, people)))
-    person = over(person, when(people.choice("belt") * tucked * (1 - skirted), garments.belt(places, people)))
-    person = over(person, when(1 - tucked, upper))
-    person = over(person, when(people.choice("outer_a"), garments.outer(places, people)))
+    person = skin(places, people)
+    person = over_those(person, people.choice("fringe"), lambda: garments.socks(places, people))
+    person = over(person, garments.shoes(places, people))
+    person = over_those(person, tucked, lambda: upper)
+    person = over_those(person, legged, lambda: garments.trousers(places, people))
+    person = over_those(person, skirted, lambda: garments.skirt(places, people))
+    belted = people.choice("belt") * tucked * legged
+    person = over_those(person, belted, lambda: garments.belt(places, people))
+    person = over_those(person, untucked, lambda: upper)
+    person = over_those(person, people.choice("outer_a"), lambda: garments.outer(places, people))
     _, _, curtain, _ = style(people)
-    person = over(person, when(1 - hat * (curtain < 0.5).to(hat), hair(places, people)))
-    return over(person, when(hat, beanie(places, people)))
+    covered = hat * (curtain < 0.5).to(hat)
+    person = over_those(person, 1 - covered, lambda: hair(places, people))
+    return over_those(person, hat, lambda: beanie(places, people))

@@ -5,7 +5,7 @@ import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from avatargen.commands.line import FEWEST_FACES, LARGEST_SEED, MOST_FACES, parse_options, run_command
 from avatargen.errors import InputError
@@ -74,6 +74,13 @@ class Options:
     """Build avatar-export's scenes instead, on the first seed; write scenes.md and scenes.json."""
     charts: bool = False
     """Cut charts alone, along the seams of clothes and by xatlas; write charts.md and charts.json."""
+    training: bool = False
+    """Step adversarial training instead, on a GPU where there is one; write training.md and training.json. A
+    quick run leaves out other batches, rays, samples and precisions than the presets'."""
+    presets: tuple[Literal["debug", "cpu", "gpu", "paper"], ...] = ("cpu", "gpu", "paper")
+    """Whose training is stepped."""
+    steps: int = 8
+    """Steps of training that are timed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,12 +114,15 @@ def run(options: Options) -> None:
 
     if not options.seeds:
         raise InputError("found no seeds to measure; give one or more")
-    require_ranges(options, "bench", {"seeds": (0, LARGEST_SEED)})
+    require_ranges(options, "bench", {"seeds": (0, LARGEST_SEED), "steps": (1, 10_000)})
     if options.scenes:
         run_scenes(options)
         return
     if options.charts:
         run_charts(options)
+        return
+    if options.training:
+        run_training(options)
         return
     require_extra("matplotlib")
     options.out.mkdir(parents=True, exist_ok=True)
@@ -181,6 +191,28 @@ def run_charts(options: Options) -> None:
         [(options.out / "charts.json", data), (options.out / "charts.md", chart_page(rows).encode())]
     )
     print(options.out / "charts.md")
+
+
+def run_training(options: Options) -> None:
+    """Step the presets' training, writing the table after each."""
+    import torch
+
+    from avatargen.atomic import write_together
+    from avatargen.avatar import training_body
+    from avatargen.commands.bench.training import training_rows, training_table
+    from avatargen.extras import require_extra
+
+    require_extra("accelerate")
+    options.out.mkdir(parents=True, exist_ok=True)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    rows = []
+    for row in training_rows(training_body(), options.presets, device, options.steps, grow=not options.quick):
+        rows.append(row)
+        facts = {"machine": machine(), "rows": [asdict(row) for row in rows]}
+        files = {"training.json": json.dumps(facts, indent=1) + "\n", "training.md": training_table(rows)}
+        write_together([(options.out / name, text.encode()) for name, text in files.items()])
+        print(f"  {row.preset}, batch {row.batch}: {row.pictures_a_second:.3g} pictures/s", flush=True)
+    print(options.out / "training.md")
 
 
 def measure(generator: "Sampler", seeds: Sequence[int], grid: Grid) -> Results:

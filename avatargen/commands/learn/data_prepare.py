@@ -45,6 +45,7 @@ class Options:
     no_mirror: bool
     no_balance: bool
     workers: int | None
+    packed: bool
     out: Path
 
 
@@ -63,6 +64,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
     add_settings(parser)
     add = parser.add_argument
     add("--workers", type=whole_number(1, 256), metavar="N", help="processes (default: one a core)")
+    add("--packed", action="store_true", help="all pictures in one file, see avatargen data pack")
     add("--out", type=Path, required=True, metavar="DIR", help="where to write")
     return Options(**vars(parser.parse_args(arguments)))
 
@@ -110,6 +112,7 @@ def run(given: Options) -> None:
     """Prepare, and say what came of it."""
     with progress_line() as show:
         show("loading libraries", 0.0)
+        from avatargen.data.pack import pack_in_place
         from avatargen.data.prepare import Sources, prepare
 
         started = time.monotonic()
@@ -128,6 +131,8 @@ def run(given: Options) -> None:
             lambda done, of: show(f"{done} of {of} photographs", done / of),
             function_named(given.segment) if given.segment else None,
         )
+        if given.packed:
+            pack_in_place(given.out, lambda done, of: show(f"{done} of {of} packed", done / of))
     used = summary.photographs - len(summary.skipped)
     said = f"{used} of {summary.photographs} photographs, {len(summary.labels)} pictures"
     if summary.skipped:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from avatargen.commands.line import OneLineParser, run_command, whole_number
 from avatargen.commands.progress import progress_line
-from avatargen.extras import require_extra
 
 PROGRAM = "avatargen data synth"
 EXAMPLE = """\
@@ -37,13 +36,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="fineness of the people in millimetres (default: 18, a pixel of 128); finer takes longer",
     )
     add("--workers", type=whole_number(1, 256), metavar="N", help="processes (default: one a core)")
+    add("--packed", action="store_true", help="all pictures in one file, see avatargen data pack")
     add("--out", type=Path, required=True, metavar="DIR", help="where to write")
 
     def command() -> None:
         given = parser.parse_args(arguments)
         with progress_line() as show:
-            require_extra("embreex")
             show("loading libraries", 0.0)
+            from avatargen.data.pack import pack_in_place
             from avatargen.data.synth import SynthConfig, synthesize
 
             config = SynthConfig(size=given.size, views=given.views, seed=given.seed, cell=given.cell / 1000)
@@ -56,6 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 workers,
                 lambda done, of: show(f"{done} of {of} people", done / of),
             )
+            if given.packed:
+                pack_in_place(given.out, lambda done, of: show(f"{done} of {of} packed", done / of))
         seconds = time.monotonic() - started
         print(f"{given.people} people, {len(labels)} pictures, {seconds:.1f} s", file=sys.stderr)
         print(given.out / "dataset.json")

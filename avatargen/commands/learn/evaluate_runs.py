@@ -4,17 +4,19 @@ avatargen eval runs --runs runs/a runs/b --data data/held_out --reference data/t
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
-from avatargen.metrics.evaluate import EvalConfig
+from avatargen.metrics.shown import ShowConfig
+from avatargen.ranges import require_ranges
 
 if TYPE_CHECKING:
-    from avatargen.generator.picture import CanonicalSurface
+    from avatargen.metrics.evaluate import Exam
 
 PROGRAM = "avatargen eval runs"
 COLUMNS = 3  # plots side by side
@@ -32,13 +34,18 @@ class Options:
     out: Path
     """Folder for runs.json, runs.md and, where matplotlib is installed, runs.png."""
     reference: Path | None = None
-    """Other real pictures, for the joint estimator and for what real pictures reach; without them half of the
-    held-out ones."""
+    """Other real pictures, for what real pictures reach and, where no pose network is installed, to learn
+    where joints are; without them half of the held-out ones."""
     body: Path | None = None
     """The body that the labels are of, where it is not the shipped one."""
     every: int = 1
     """Take each so many-th snapshot, and the last."""
-    measure: EvalConfig = field(default_factory=EvalConfig)
+    samples: int | None = 48
+    """Samples along rays; `None`: those that each run was trained with."""
+    measure: ShowConfig = field(default_factory=ShowConfig)
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "eval", {"samples": (2, 4096)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,21 +71,29 @@ def run(options: Options) -> None:
     from avatargen.atomic import write_atomically, write_together
     from avatargen.avatar import training_body
     from avatargen.data.dataset import open_pictures
-    from avatargen.generator.picture import CanonicalSurface
+    from avatargen.metrics.evaluate import data_and_reference, set_exam
+    from avatargen.metrics.judges import judges_for
     from avatargen.run_folder import digest_arrays
 
+    @cache
+    def exam(size: int, raw_size: int) -> "Exam":
+        data, reference = data_and_reference(options.data, options.reference, size)
+        judges = judges_for(body, reference)
+        return set_exam(data, reference, body, judges, options.measure, raw_size)
+
     chosen = [(folder, path) for folder in options.runs for path in snapshots(folder, options.every)]
-    surface = CanonicalSurface(training_body(options.body))
+    body = training_body(options.body)
     settings = {
         **asdict(options.measure),
+        "samples": options.samples,
         "data": open_pictures(options.data, 1).contents(),
         "reference": options.reference and open_pictures(options.reference, 1).contents(),
-        "body": digest_arrays(vars(surface.body)),
+        "body": digest_arrays(vars(body)),
     }
     options.out.mkdir(parents=True, exist_ok=True)
     known, rows = read_rows(options.out / "runs.json"), []
     for folder, path in chosen:
-        rows.append(measure(folder, path, surface, options, settings, known))
+        rows.append(measure(folder, path, exam, settings, known))
         print(one_line(rows[-1]), flush=True)
         rest = [row for row in known if row not in rows]
         write_atomically(options.out / "runs.json", as_json([*rows, *rest]))
@@ -129,24 +144,22 @@ def as_json(rows: Sequence[Row]) -> bytes:
 def measure(
     folder: Path,
     path: Path,
-    surface: "CanonicalSurface",
-    options: Options,
+    exam: "Callable[[int, int], Exam]",
     settings: dict[str, Any],
     known: Sequence[Row],
 ) -> Row:
     """The row of a snapshot, measured unless it is known under the same settings."""
     from avatargen.generator.checkpoint import load_checkpoint
-    from avatargen.metrics.evaluate import data_and_reference, evaluate
-    from avatargen.metrics.features import random_features
+    from avatargen.metrics.evaluate import examine
+    from avatargen.metrics.finer import model_of
 
     checkpoint = load_checkpoint(path)
     for row in known:
         if row.weights_hash == checkpoint.weights_hash and row.measure == settings and row.run == folder.name:
             return row
-    size = checkpoint.generator.config.render.image_size
-    data, reference = data_and_reference(options.data, options.reference, size)
-    features = ("frechet distance", random_features)
-    report = evaluate(checkpoint.generator, surface, data, reference, features, options.measure)
+    render = checkpoint.generator.config.render
+    questions = exam(render.image_size, render.raw_size)
+    report = examine(model_of(checkpoint.generator, questions.truth.body, settings["samples"]), questions)
     return Row(
         run=folder.name,
         images=int(path.stem),
@@ -206,7 +219,7 @@ def plot(rows: Sequence[Row]) -> bytes:
             axes.axhline(rows[0].floors[name]["value"], color="gray", linestyle="--", linewidth=1)
         axes.set_title(name)
         axes.set_xlabel("pictures shown")
-        if name in ("frechet distance", "FID"):
+        if name.startswith(("frechet", "FID")):
             axes.set_yscale("log")
     for axes in panels[len(names) :]:
         axes.axis("off")

@@ -4,16 +4,17 @@ two precisions against float64, and gradients that stay finite."""
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from avatargen.body.model import canonical_body
+from avatargen.body.model import canonical_body, pose, shape
 from avatargen.commands.stress.case import Case, require
 from avatargen.commands.stress.figure import default_body
 from avatargen.commands.stress.numbers import PRECISIONS, distances
 from avatargen.generator.config import DEBUG, GeometryConfig, for_body
 from avatargen.generator.generator import AvatarGenerator
-from avatargen.generator.picture import CanonicalSurface, Person, make_people
+from avatargen.generator.picture import CanonicalSurface, People, make_people
 from avatargen.training.losses import (
     STEEPNESS,
     distance_and_slope,
@@ -59,7 +60,7 @@ def terms_of_slope(dtype: torch.dtype) -> str:
     return f"finite from no slope to 1e6, value and gradient within {worst:.1e}"
 
 
-def someone(distance: str) -> tuple[AvatarGenerator, CanonicalSurface, Person]:
+def someone(distance: str) -> tuple[AvatarGenerator, People]:
     """An untrained generator on the default body: the body, or with `raw` the same distance everywhere."""
     surface = CanonicalSurface(default_body())
     config = for_body(DEBUG, canonical_body(default_body()))
@@ -67,13 +68,13 @@ def someone(distance: str) -> tuple[AvatarGenerator, CanonicalSurface, Person]:
     generator = AvatarGenerator(replace(config, geometry=GeometryConfig(distance=distance)))
     w = torch.zeros(1, config.mapping.w_size)
     poses, betas = torch.zeros(1, config.joint_count, 3), torch.zeros(1, config.shape_count)
-    return generator, surface, make_people(generator, surface, w, generator.planes(w), poses, betas)[0]
+    return generator, make_people(generator, surface, w, generator.planes(w), poses, betas)
 
 
-def slopes_at(points: Callable[[Person], Tensor], distance: str, low: float, high: float) -> str:
+def slopes_at(points: Callable[[People], Tensor], distance: str, low: float, high: float) -> str:
     """Slopes within limits, and gradients of the weights that are finite."""
-    generator, surface, person = someone(distance)
-    sdf, slope = distance_and_slope(generator, surface, person, points(person))
+    generator, person = someone(distance)
+    sdf, slope = distance_and_slope(generator, person, points(person)[None])
     (eikonal(slope) + minimal_surface(sdf)).backward()
     least, most = float(slope.detach().min()), float(slope.detach().max())
     require(low <= least and most <= high, f"slopes {least:g} to {most:g}")
@@ -82,14 +83,16 @@ def slopes_at(points: Callable[[Person], Tensor], distance: str, low: float, hig
     return f"slopes {least:.1e} to {most:.3g}, finite gradients of {len(grads)} weights"
 
 
-def vertices(person: Person) -> Tensor:
+def vertices(person: People) -> Tensor:
     """Some of the posed body's own: the closest point is the point itself, and no way leads there."""
-    return torch.from_numpy(person.posed.vertices[::50]).float()
+    return person.posed.vertices[0, ::50]
 
 
-def inside(person: Person) -> Tensor:
+def inside(person: People) -> Tensor:
     """The middle of every bone, where the closest point jumps from side to side."""
-    joints, parents = person.posed.joints, default_body().parents
+    body = default_body()
+    posed = pose(body, shape(body, np.zeros(0)), np.zeros((body.joint_count, 3)))
+    joints, parents = posed.joints, body.parents
     return torch.from_numpy((joints[1:] + joints[parents[1:]]) / 2).float()
 
 
