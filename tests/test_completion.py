@@ -19,7 +19,7 @@ PROJECT = Path(__file__).parents[1]
     ("line", "offered"),
     [
         ("avatargen d", ["data"]),
-        ("avatargen data ", ["synth", "prepare"]),
+        ("avatargen data ", ["synth", "prepare", "pack"]),
         ("avatargen train w", ["warm-start"]),
         ("avatargen completion ", ["bash", "zsh", "fish"]),
         ("avatargen none ", []),
@@ -73,7 +73,7 @@ def test_shells_offer_what_the_command_does(shell: str, tmp_path: Path) -> None:
     found = shutil.which(shell)
     if found is None:
         pytest.skip(f"{shell} is not installed")
-    assert complete(found, "avatargen data ", tmp_path) == ["prepare", "synth"]
+    assert complete(found, "avatargen data ", tmp_path) == ["pack", "prepare", "synth"]
     assert complete(found, "avatar-export 3 --ha", tmp_path) == [
         "--hair",
         "--hair-color",
