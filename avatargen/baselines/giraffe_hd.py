@@ -19,7 +19,6 @@ Letters: B pictures, P rays, N points, D size of w, K features, S final size.
 import math
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
@@ -39,6 +38,7 @@ from avatargen.training.picture_model import Asked, Generated
 
 ROOM = 2.0  # metres behind the box's far side, over which the background is sampled
 BEHIND_OPACITY = 0.25  # metres, as `opacity`
+GAIN = 5.0  # of the density, which no style makes steeper
 CODE = 0.3  # share of a code in a layer: with as much of it as of the point, people fill the box or vanish
 SURE = 0.98  # of a mask: so far from 0 and 1 that its logit has a slope
 STEEP = 4.0  # of a mask's logit: carried by its quarter, which is of the size of the other features
@@ -105,7 +105,7 @@ class FeatureField(nn.Module):
         y = add_code(self.view(torch.cat([x, direction], dim=-1)), self.appearance(w))
         features = self.leave(y)
         color, more = torch.sigmoid(features[..., :3]), features[..., 3:]
-        return opaque(self.sigma(x)[..., 0], self.opacity), torch.cat([color, more], dim=-1)
+        return opaque(GAIN * self.sigma(x)[..., 0], self.opacity), torch.cat([color, more], dim=-1)
 
 
 def add_code(x: Float[Tensor, "B N W"], code: Float[Tensor, "B W"]) -> Float[Tensor, "B N W"]:
@@ -117,7 +117,6 @@ class GiraffeHD(Baseline):
     """Feature fields of foreground and background, laid over one another after their 2D renderers."""
 
     name = "giraffe-hd"
-    shares: ClassVar = {"front.": 0.4}  # GIRAFFE's is a fifth of StyleGAN2's: nothing normalises these layers
     config: GiraffeHDConfig
 
     def __init__(self, config: GiraffeHDConfig) -> None:
