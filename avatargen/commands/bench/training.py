@@ -5,7 +5,7 @@ A row's time by phase comes from steps of their own, in which every phase is wai
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -174,7 +174,7 @@ def phases(device: torch.device) -> Iterator[dict[str, float]]:
 
 
 def training_rows(
-    body: "Body", names: tuple[str, ...], device: torch.device, steps: int, *, grow: bool
+    body: "Body", names: Sequence[str], device: torch.device, steps: int, *, grow: bool
 ) -> Iterator[TrainingRow]:
     """Every preset as it is, with `grow` also with other batches, rays, samples and precisions."""
     for name in names:
