@@ -20,7 +20,7 @@ from torch import Tensor
 from avatargen.data.dataset import Pictures
 from avatargen.data.labels import Labels
 from avatargen.data.poses import random_pose
-from avatargen.generator import picture, posing
+from avatargen.generator import picture, posing, surface
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.superresolution import Upsampler
 from avatargen.training import adversarial, losses
@@ -42,7 +42,7 @@ PHASES: tuple[tuple[str, Any, str], ...] = (
     ("shell", picture, "shell_around"),
     ("rays", picture, "shell_samples"),
     ("nearest vertices", posing.PosedBodies, "nearest"),
-    ("body distance", picture.BodySurface, "at"),
+    ("body distance", surface.BodySurface, "at"),
     ("field", picture, "field_of_people"),
     ("rendering", picture, "composite"),
     ("upsampler", Upsampler, "forward"),

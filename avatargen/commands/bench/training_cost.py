@@ -20,7 +20,8 @@ from torch.utils._pytree import tree_flatten
 from torch.utils.flop_counter import flop_registry
 
 from avatargen.commands.bench.training import noise_pictures
-from avatargen.generator import closest, picture, posing
+from avatargen.generator import closest, posing
+from avatargen.generator.room import survey
 from avatargen.training.adversarial import Run, step_once
 from avatargen.training.adversarial_config import AdversarialConfig
 from avatargen.training.adversarial_state import new_state
@@ -79,7 +80,7 @@ def step_cost(name: str, config: AdversarialConfig, body: "Body") -> StepCost:
     meta = torch.device("meta")
     model, data = avatar_model(config, body), noise_pictures(body, config.render.image_size)
     labels = data.row(torch.arange(SURVEYED))
-    room = picture.survey(config.render, model.surface, labels, torch.device("cpu"))
+    room = survey(config.render, model.surface, labels, torch.device("cpu"))
     state = new_state(config, model, data.labels.rows().shape[1], meta)
     accelerator = SimpleNamespace(device=meta, num_processes=1, is_main_process=True)
     plain = replace(config, precision="no")  # tensors without numbers have no autocast
