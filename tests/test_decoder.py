@@ -136,7 +136,7 @@ def test_attached_gradient_is_that_of_the_distance():
     points, body = points_near_body(400, spread=0.02)
     points = points.clone().requires_grad_()
     vertices = torch.from_numpy(capsule_canonical().vertices)
-    attached = attach_gradient(body, points, vertices)
+    attached = attach_gradient(body, points, vertices[None])
     assert torch.equal(attached.distance.detach(), body.distance)
     (gradient,) = torch.autograd.grad(attached.distance.sum(), points)
     far = body.distance.abs() > 1e-3
@@ -174,7 +174,7 @@ def test_the_gradient_of_the_field_can_be_penalised():
     generator = random_generator(activation="softplus")
     points, body = points_near_body(50)
     points, w = points.clone().requires_grad_(), torch.randn(1, 32)
-    body = attach_gradient(body, points, torch.from_numpy(capsule_canonical().vertices))
+    body = attach_gradient(body, points, torch.from_numpy(capsule_canonical().vertices)[None])
     sdf = generator.field(generator.planes(w), generator.layers(w), points, body, method="differentiable")[0]
     (slope,) = torch.autograd.grad(sdf.sum(), points, create_graph=True)
     (slope.norm(dim=-1) - 1).square().mean().backward()

@@ -19,8 +19,9 @@ from avatargen.generator.closest import closest_on, surfaces_of, topology_of
 from avatargen.generator.config import GEOMETRY_CHOICES, GeometryConfig
 from avatargen.generator.draws import normal, uniform
 from avatargen.generator.nearest import nearest_by_all
-from avatargen.generator.picture import CanonicalSurface, Picture, Room
+from avatargen.generator.picture import CanonicalSurface, Picture
 from avatargen.generator.posing import posing_of
+from avatargen.generator.room import Room
 from avatargen.training import adversarial_config
 from avatargen.training.adversarial import Run, step_once
 from avatargen.training.adversarial_config import AdversarialConfig

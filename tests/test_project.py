@@ -72,6 +72,7 @@ FLOORS = {
         "completion",
     ),
 }
+WITH_TORCH = {"triton"}  # comes with torch where it is made for GPUs, and is imported there alone
 LONGEST_FUNCTION, LONGEST_FILE = 60, 456  # lines; they may only become less
 
 
@@ -213,7 +214,7 @@ def test_nothing_is_too_long_to_read() -> None:
 def test_every_import_is_declared_and_every_dependency_used() -> None:
     run_time = third_party(files_of(*PACKAGES))
     extras = ("derive", "train", "bench", "view", "film", "ray", "photo")
-    assert run_time - declared(*extras) == set(), "imported but not declared"
+    assert run_time - declared(*extras) - WITH_TORCH == set(), "imported but not declared"
     assert declared() - run_time == set(), "declared but not imported"
 
 

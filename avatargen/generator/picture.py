@@ -10,31 +10,26 @@ there can be, and without it all are asked.
 Letters: B pictures, r raw size, S final size, P rays, K features, N points, Q chosen ones.
 """
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
-from avatargen.body.distance import BodyDistance
-from avatargen.body.model import Body, pose_canonically
-from avatargen.generator.camera import Camera, camera_of_vector, rays
-from avatargen.generator.closest import Surfaces, Topology, closest_on, surfaces_of, topology_of
+from avatargen.generator.camera import Camera, rays
 from avatargen.generator.config import RenderConfig
-from avatargen.generator.decoder import BodyPoints, PartLayers, attach_gradient, body_points
+from avatargen.generator.decoder import BodyPoints, PartLayers
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.layers import may_branch, without_autocast
-from avatargen.generator.posing import PosedBodies, Posing, posing_of
+from avatargen.generator.posing import PosedBodies
 from avatargen.generator.renderer import Rendering, Samples, composite
+from avatargen.generator.room import Room
 from avatargen.generator.shell import Shell, shell_around, shell_samples
+from avatargen.generator.surface import BodySurface, CanonicalSurface
 
 BACKGROUND = 1.0  # white
-SPARE, ROUND = 1.03, 64  # of room: times what was found, up to whole groups
-MOST_SURVEYED, SURVEYED = 8192, 16  # labels, in all and at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,75 +40,6 @@ class Picture:
     raw: Float[Tensor, "B 3 r r"]
     depth: Float[Tensor, "B r r"]
     mask: Float[Tensor, "B r r"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Room:
-    """Bounds on the rays of a picture that meet the shell, and on the samples within its reach."""
-
-    rays: int
-    samples: int
-
-
-class BodySurface:
-    """Surfaces of bodies as the field needs them: distances, faces and vertices; one, or one a person."""
-
-    def __init__(self, vertices: Float[Tensor, "B V 3"], topology: Topology) -> None:
-        self.vertices, self.topology = vertices, topology
-
-    @cached_property
-    def trees(self) -> list[BodyDistance]:
-        """One a body, for the CPU."""
-        return [BodyDistance(own.numpy(), self.topology.faces.numpy()) for own in self.vertices]
-
-    @cached_property
-    def surfaces(self) -> Surfaces:
-        """For other devices."""
-        return surfaces_of(self.vertices, self.topology)
-
-    def at(self, points: Float[Tensor, "B N 3"], near: Int64[Tensor, "B N"]) -> BodyPoints:
-        """The bodies at points of their space, of which vertices are known that are not far; the distance
-        passes gradients on to the points.
-        """
-        shape, count = points.shape[:2], len(self.vertices)
-        if may_branch(points):
-            parts = points.detach().reshape(count, -1, 3).numpy()
-            hits = [tree.query(part) for tree, part in zip(self.trees, parts, strict=True)]
-            found = [body_points(hit, self.topology.faces) for hit in hits]
-            distance, vertices, barycentric = (
-                torch.cat([getattr(one, name) for one in found]).reshape(*shape, *rest)
-                for name, rest in (("distance", ()), ("vertices", (3,)), ("barycentric", (3,)))
-            )
-        else:
-            closest = closest_on(self.surfaces, points.reshape(count, -1, 3), near.reshape(count, -1))
-            distance, barycentric = closest.distance.view(shape), closest.barycentric.view(*shape, 3)
-            vertices = self.topology.faces.index_select(0, closest.face.flatten()).view(*shape, 3)
-        body = BodyPoints(distance=distance, vertices=vertices, barycentric=barycentric)
-        return attach_gradient(body, points, self.vertices)
-
-
-class CanonicalSurface:
-    """A body, its surface in the canonical pose, and what posing takes, on every device that asks. Built once
-    a body.
-    """
-
-    def __init__(self, body: Body) -> None:
-        self.body, self.canonical = body, pose_canonically(body)
-        self.posings: dict[torch.device, Posing] = {}
-        self.surfaces: dict[torch.device, BodySurface] = {}
-
-    def posing(self, device: torch.device) -> Posing:
-        if device not in self.posings:
-            self.posings[device] = posing_of(self.body, device)
-        return self.posings[device]
-
-    def on(self, device: torch.device) -> BodySurface:
-        """The surface of the canonical body."""
-        if device not in self.surfaces:
-            vertices = self.canonical.vertices.astype(np.float32)
-            topology = topology_of(vertices, self.body.faces, device)
-            self.surfaces[device] = BodySurface(torch.from_numpy(vertices)[None].to(device), topology)
-        return self.surfaces[device]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -266,36 +192,6 @@ def render(
         depth=far.scatter(1, hit, seen.depth),
         mask=spread_out(seen.mask[..., None], hit, far.shape[1])[..., 0],
     )
-
-
-@torch.no_grad()
-def survey(
-    settings: RenderConfig,
-    surface: CanonicalSurface,
-    labels: tuple[Float[Tensor, "N 25"], Float[Tensor, "N J 3"], Float[Tensor, "N b"]],
-    device: torch.device,
-) -> Room:
-    """The most that a picture of these cameras, poses and betas takes, and some; of many labels a part of
-    them is asked. Samples stand in the middle of their bins.
-    """
-    count = len(labels[0])
-    asked = torch.linspace(0, count - 1, min(count, MOST_SURVEYED)).long()
-    most = torch.zeros(2, dtype=torch.long, device=device)
-    for some in asked.split(SURVEYED):
-        camera, poses, betas = (part[some].to(device) for part in labels)
-        posed = surface.posing(device)(betas, poses)
-        shell = shell_around(posed.vertices, settings.shell)
-        origin, direction = rays(camera_of_vector(camera), settings.raw_size)
-        samples, _ = shell_samples(shell, origin, direction, settings.samples)
-        meets = samples.length.any(dim=2)
-        points = origin[:, :, None] + samples.depth[..., None] * direction[:, :, None]
-        within = posed.nearest(points.flatten(1, 2))[0][..., 0] < settings.shell
-        near = (within.view_as(samples.depth) & meets[..., None]).sum(dim=(1, 2))
-        most = torch.maximum(most, torch.stack([meets.sum(dim=1).amax(), near.amax()]))
-    hit, near = most.tolist()
-    every = settings.raw_size**2
-    hit = min(every, math.ceil(hit * SPARE / ROUND) * ROUND)
-    return Room(rays=hit, samples=min(hit * settings.samples, math.ceil(near * SPARE / ROUND) * ROUND))
 
 
 def chosen(wanted: Bool[Tensor, "B N"], room: int | None) -> Int64[Tensor, "B Q"]:

@@ -26,7 +26,8 @@ from avatargen.training.adversarial_config import AdversarialConfig, OptimizerCo
 from avatargen.training.discriminator import Discriminator
 from avatargen.training.picture_model import PictureModel
 
-MAY_CHANGE = ("training.images", "data.folder")  # how long to train, and where the pictures lie
+# how long to train, how many pictures at a time, and where they lie
+MAY_CHANGE = ("training.images", "training.at_once", "data.folder")
 
 
 @dataclass

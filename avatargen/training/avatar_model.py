@@ -22,7 +22,8 @@ from avatargen.generator.decoder import fit_reach
 from avatargen.generator.density import Density
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.layers import may_branch
-from avatargen.generator.picture import CanonicalSurface, People, Room, make_people, picture_people, survey
+from avatargen.generator.picture import CanonicalSurface, People, make_people, picture_people
+from avatargen.generator.room import Room, survey
 from avatargen.training.adversarial_config import NETWORKS, AdversarialConfig, LossConfig, OptimizerConfig
 from avatargen.training.losses import geometry_losses
 from avatargen.training.picture_model import Asked, Generated, PictureModel

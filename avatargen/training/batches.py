@@ -16,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from avatargen.data.dataset import Pictures
-from avatargen.generator.picture import Room
+from avatargen.generator.room import Room
 from avatargen.training.adversarial_config import AdversarialConfig
 from avatargen.training.picture_model import Asked, PictureModel
 

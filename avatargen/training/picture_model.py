@@ -16,7 +16,8 @@ from jaxtyping import Float, Int64
 from torch import Tensor, nn
 
 from avatargen.generator.config import RenderConfig
-from avatargen.generator.picture import Picture, Room
+from avatargen.generator.picture import Picture
+from avatargen.generator.room import Room
 from avatargen.training.adversarial_config import OptimizerConfig
 
 

@@ -74,7 +74,8 @@ class Options:
     """Build avatar-export's scenes instead, on the first seed; write scenes.md and scenes.json."""
     training: bool = False
     """Step adversarial training instead, on a GPU where there is one; write training.md and training.json. A
-    quick run leaves out other batches, rays, samples and precisions than the presets'."""
+    quick run leaves out other batches, rays, samples and precisions than the presets'. Without a GPU
+    the presets for one are counted, not stepped."""
     presets: tuple[Literal["debug", "cpu", "gpu", "paper"], ...] = ("cpu", "gpu", "paper")
     """Whose training is stepped."""
     steps: int = 8
@@ -169,18 +170,25 @@ def run_training(options: Options) -> None:
     from avatargen.atomic import write_together
     from avatargen.avatar import training_body
     from avatargen.commands.bench.training import training_rows, training_table
+    from avatargen.commands.bench.training_cost import cost_table, step_cost
     from avatargen.extras import require_extra
+    from avatargen.training.adversarial_config import PRESETS
 
     require_extra("accelerate")
     options.out.mkdir(parents=True, exist_ok=True)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    gpu, body = torch.cuda.is_available(), training_body()
+    device = torch.device("cuda" if gpu else "cpu")
+    costs = [] if gpu else [step_cost(name, PRESETS[name], body) for name in options.presets]
     rows = []
-    for row in training_rows(training_body(), options.presets, device, options.steps, grow=not options.quick):
+    timed = options.presets if gpu else [name for name in options.presets if name in ("debug", "cpu")]
+    for row in training_rows(body, timed, device, options.steps, grow=not options.quick):
         rows.append(row)
-        facts = {"machine": machine(), "rows": [asdict(row) for row in rows]}
-        files = {"training.json": json.dumps(facts, indent=1) + "\n", "training.md": training_table(rows)}
-        write_together([(options.out / name, text.encode()) for name, text in files.items()])
         print(f"  {row.preset}, batch {row.batch}: {row.pictures_a_second:.3g} pictures/s", flush=True)
+        facts = {"machine": machine(), "rows": [asdict(row) for row in rows]}
+        facts["costs"] = [asdict(cost) for cost in costs]
+        page = training_table(rows) + ("\n" + cost_table(costs) if costs else "")
+        files = {"training.json": json.dumps(facts, indent=1) + "\n", "training.md": page}
+        write_together([(options.out / name, text.encode()) for name, text in files.items()])
     print(options.out / "training.md")
 
 

@@ -5,7 +5,7 @@ A row's time by phase comes from steps of their own, in which every phase is wai
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from torch import Tensor
 from avatargen.data.dataset import Pictures
 from avatargen.data.labels import Labels
 from avatargen.data.poses import random_pose
-from avatargen.generator import picture, posing
+from avatargen.generator import picture, posing, surface
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.generator.superresolution import Upsampler
 from avatargen.training import adversarial, losses
@@ -41,7 +41,7 @@ PHASES: tuple[tuple[str, Any, str], ...] = (
     ("shell", picture, "shell_around"),
     ("rays", picture, "shell_samples"),
     ("nearest vertices", posing.PosedBodies, "nearest"),
-    ("body distance", picture.BodySurface, "at"),
+    ("body distance", surface.BodySurface, "at"),
     ("field", picture, "field_of_people"),
     ("rendering", picture, "composite"),
     ("upsampler", Upsampler, "forward"),
@@ -172,7 +172,7 @@ def phases(device: torch.device) -> Iterator[dict[str, float]]:
 
 
 def training_rows(
-    body: "Body", names: tuple[str, ...], device: torch.device, steps: int, *, grow: bool
+    body: "Body", names: Sequence[str], device: torch.device, steps: int, *, grow: bool
 ) -> Iterator[TrainingRow]:
     """Every preset as it is, with `grow` also with other batches, rays, samples and precisions."""
     for name in names:
