@@ -15,7 +15,7 @@ from avatargen.body.model import forward_kinematics, shape
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
-from avatargen.export.photographs import find_person
+from avatargen.export.photographs import Finder
 from avatargen.photo.camera import Pinhole
 from avatargen.photo.figure import tensor
 from avatargen.photo.fit import Fitter, check_whole
@@ -24,6 +24,7 @@ from avatargen.photo.problem import Fit
 from avatargen.photo.raster import look_at
 from avatargen.photo.resembling.pieces import Dresser
 from avatargen.photo.resembling.resemble import Outfit, Wardrobe
+from avatargen.photo.seeing.see import Eyes
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.appearance import rgb_of
 from avatargen.wardrobe.choosing import traits_of
@@ -39,6 +40,7 @@ OUTFIT = Outfit(
     hair="short04",
     hat=None,
 )
+BLIND = Eyes(detector=lambda picture: [], landmarks=lambda picture: [], face=lambda picture: [])
 TURNS = {  # degrees
     "pelvis": (0, 25, 0),
     "left_shoulder": (0, -20, -20),
@@ -183,7 +185,7 @@ def test_half_a_person_is_refused_with_what_is_missing() -> None:
 
 def test_the_clothes_and_colours_of_a_person_are_found_again() -> None:
     posed = posing()
-    found = find_person(sampler(), [posed.sighting], traits_of({"gender": "man"}), {})
+    found = Finder(sampler(), BLIND).resembling([posed.sighting], traits_of({"gender": "man"}), {})
     mask = posed.sighting.mask > 0.5
     _, again = photographed(found.fits[0])
     share = (mask & (again > 0.5)).sum() / (mask | (again > 0.5)).sum()

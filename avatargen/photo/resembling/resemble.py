@@ -19,7 +19,7 @@ from avatargen.dressed_avatar import DressedSampler
 from avatargen.photo.figure import Figure
 from avatargen.photo.outline import Clothes
 from avatargen.photo.problem import Fit
-from avatargen.photo.resembling.outfits import Choices, choices_for, has_overall
+from avatargen.photo.resembling.outfits import Choices, choices_for
 from avatargen.photo.resembling.pieces import Dresser, Piece, body_piece, piece_of
 from avatargen.photo.resembling.view import FAR, Layer, View, draw_layer, view_of
 from avatargen.photo.seeing.pose import NAMES
@@ -171,7 +171,7 @@ def resemble(
         for box in (box_of, head_box)
     ]
     whole, head = mirrors
-    outfit = dressed(whole, choices, sampler)
+    outfit = dressed(whole, choices)
     outfit = coiffed(head, outfit, choices)
     colors = middle_colors(whole, outfit)
     close = middle_colors(head, outfit)
@@ -200,16 +200,15 @@ def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> Middles:
     return found
 
 
-def dressed(mirrors: Sequence[Mirror], choices: Choices, sampler: DressedSampler) -> Outfit:
+def dressed(mirrors: Sequence[Mirror], choices: Choices) -> Outfit:
     """Uppers with bottoms, then shoes."""
     hair = next((name for name in choices.hair if name is not None), None)
-    start = Outfit(upper=(), bottom=None, shoes=choices.shoes[0], hair=hair, hat=None)
-    tried = []
-    for upper, bottom in product(choices.uppers, choices.bottoms):
-        covered = has_overall(upper, sampler.items)
-        tried.append(replace(start, upper=upper, bottom=None if covered else bottom))
-    best = min(dict.fromkeys(tried), key=lambda outfit: miss(mirrors, outfit))
-    shod = [replace(best, shoes=shoes) for shoes in choices.shoes]
+    ways = {
+        Outfit(upper=each.upper, bottom=each.bottom, shoes=each.shoes[0], hair=hair, hat=None): each
+        for each in choices.clothes
+    }
+    best = min(ways, key=lambda outfit: miss(mirrors, outfit))
+    shod = [replace(best, shoes=shoes) for shoes in ways[best].shoes]
     return min(shod, key=lambda outfit: miss(mirrors, outfit))
 
 
