@@ -92,18 +92,19 @@ class FoundPerson:
 
 
 class Finder:
-    """Finds a generator's people in photographs; what was made ready for one stays for the next.
+    """Finds a generator's people in photographs; what was made ready for one stays for the next. Seconds are
+    those of `clock`.
 
     Raises:
         InputError: a generator of other people, or another body.
     """
 
-    def __init__(self, sampler: Sampler, eyes: Eyes) -> None:
+    def __init__(self, sampler: Sampler, eyes: Eyes, clock: Callable[[], float] = time.perf_counter) -> None:
         if not isinstance(sampler, DressedSampler) or sampler.sizing is None:
             raise InputError(
                 "found a photograph with people of other weights or another body; leave those out"
             )
-        self.sampler, self.eyes = sampler, eyes
+        self.sampler, self.eyes, self.clock = sampler, eyes, clock
         self.fitter, self.wardrobe = Fitter(sampler.body.source, sampler.sizing), Wardrobe(sampler)
 
     def find(
@@ -117,7 +118,7 @@ class Finder:
         whole person."""
         seconds: dict[str, float] = {}
         progress("see", 0.0)
-        with timed(seconds, "see"):
+        with self.timed(seconds, "see"):
             sightings = [see(picture, self.eyes) for picture in pictures]
         for sighting in sightings:
             check_whole(sighting)
@@ -136,18 +137,18 @@ class Finder:
         added to by stage."""
         sampler, fitter, wardrobe = self.sampler, self.fitter, self.wardrobe
         progress("fit", SHARES["fit"])
-        with timed(seconds, "fit"):
+        with self.timed(seconds, "fit"):
             fits = fitter.fit_together(sightings, height=traits.height, gender=traits.gender)
         sexes = GENDERS if traits.gender is None else (traits.gender,)
         progress("resemble", SHARES["resemble"])
-        with timed(seconds, "resemble"):
+        with self.timed(seconds, "resemble"):
             found = [resemble(sampler, wardrobe, sightings, fits, sex) for sex in sexes]
             best = min(found, key=lambda each: each.miss)
             clothes = wardrobe.clothes(best.outfit, fitter.figure)
         progress("refine", SHARES["refine"])
-        with timed(seconds, "refine"):
+        with self.timed(seconds, "refine"):
             fits = fitter.refine(sightings, fits, best.sex, clothes)
-        with timed(seconds, "resemble"):
+        with self.timed(seconds, "resemble"):
             best = resemble(sampler, wardrobe, sightings, fits, best.sex)
         person = attributes_of(sampler, best, traits.age or AGE)
         return FoundPerson(
@@ -158,6 +159,13 @@ class Finder:
             gender_told=traits.gender is not None,
             seconds=seconds,
         )
+
+    @contextmanager
+    def timed(self, seconds: dict[str, float], name: str) -> Iterator[None]:
+        """Adds what is done to the seconds of a stage."""
+        started = self.clock()
+        yield
+        seconds[name] = seconds.get(name, 0.0) + self.clock() - started
 
     def painted(self, asset: PlainAsset, found: FoundPerson) -> PlainAsset:
         """The asset in the photographs' pixels; one without a texture as it is."""
@@ -200,14 +208,6 @@ class PhotoPeople:
 
 
 DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
-
-
-@contextmanager
-def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Adds what is done to the seconds of a stage."""
-    started = time.perf_counter()
-    yield
-    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - started
 
 
 def painted(asset: TexturedAsset, found: FoundPerson, face: Network | None = None) -> TexturedAsset:

@@ -65,7 +65,7 @@ def draw(
     figure: Figure, camera: Pinhole, light: Float64[np.ndarray, " W"] | None = None
 ) -> UInt8[np.ndarray, "H L 4"]:
     """The figure and how far it covers each pixel; without light in its own colours."""
-    seen = look_at(figure.vertices, figure.faces, camera.resized(OVERSAMPLING))
+    seen = look_at(figure.vertices, figure.faces, camera.resized(float(OVERSAMPLING)))
     size = len(figure.texture)
     place = np.clip((seen.read(figure.uv[figure.faces]) * size).astype(np.int64), 0, size - 1)
     color = (figure.texture[place[..., 1], place[..., 0]] / 255) ** GAMMA

@@ -3,6 +3,7 @@
 Letters: J joints, H L pixels.
 """
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from avatargen.avatar import Avatar, Sampler
 from avatargen.body.model import forward_kinematics, shape
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.errors import InputError
-from avatargen.export.photographs import Finder, FoundPerson, timed
+from avatargen.export.photographs import Finder, FoundPerson
 from avatargen.metrics.likeness import picture_likeness
 from avatargen.metrics.photo_error import (
     PhotoError,
@@ -44,6 +45,7 @@ from avatargen.photo.resembling.pieces import Dresser
 from avatargen.photo.seeing.see import Eyes
 from avatargen.wardrobe.choosing import Traits
 
+BUILT = BuildConfig(resolution=256)  # some tenths of a millimetre, of errors of many
 JOINTS = 22  # SMPL's without hands, the pelvis first
 OTHER_VIEWS = (72, 144, 216, 288)  # degrees around the person
 ON_SHEET = (0, 2)  # of them
@@ -62,10 +64,11 @@ class Shot:
 
 
 class Trial:
-    """People of a generator, photographed and found."""
+    """People of a generator, photographed and found. Seconds are the processor's, so a busy machine counts
+    none."""
 
     def __init__(self, sampler: Sampler, eyes: Eyes) -> None:
-        self.sampler, self.finder = sampler, Finder(sampler, eyes)
+        self.sampler, self.finder = sampler, Finder(sampler, eyes, time.process_time)
         self.dresser = Dresser(sampler.body)
         self.names = sampler.body.joint_names[:JOINTS]
 
@@ -83,9 +86,9 @@ class Trial:
         except InputError as error:
             return PhotoError(seed=seed, refused=str(error), numbers={}, right={}, seconds={}), None
         seconds = found.seconds
-        with timed(seconds, "build"):
-            plain = build(found.avatar, BuildConfig())
-        with timed(seconds, "paint"):
+        with self.finder.timed(seconds, "build"):
+            plain = build(found.avatar, BUILT)
+        with self.finder.timed(seconds, "paint"):
             asset = self.finder.painted(plain, found)
         assert isinstance(asset, TexturedAsset)
         numbers, strip = self.compare(shot, found, asset)
@@ -94,7 +97,7 @@ class Trial:
 
     def photograph(self, person: Avatar, rng: np.random.Generator) -> Shot:
         """Somebody in a pose, before a camera."""
-        asset = build(person, BuildConfig())
+        asset = build(person, BUILT)
         standing = posed(asset, stand(asset.skeleton.joint_names, rng), on_ground=False)
         camera, move = put_camera(standing.vertices, rng)
         figure = figure_of(standing, standing.vertices + move)

@@ -10,6 +10,7 @@ Letters: H W pixels of a view, L labels.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -31,6 +32,7 @@ MISSED = 2.6  # of a pixel that is the person and is not covered, or the other w
 CONTRAST = 0.6  # of the artist's own colours, that is expected
 LEAD = 0.007  # m that what is worn further out is before what is beneath, where both lie together
 FEWEST = 4  # pixels that tell a colour
+FEW = 5  # uppers that are tried over all bottoms
 SHARE = 0.15  # of the pixels of hair, that tell its colour
 RARE = {"hat": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
 MARGIN = 0.06  # of the person's height, around the person
@@ -201,15 +203,18 @@ def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> Middles:
 
 
 def dressed(mirrors: Sequence[Mirror], choices: Choices) -> Outfit:
-    """Uppers with bottoms, then shoes."""
+    """Uppers, each over the first bottom that it goes with; the best few over all bottoms; then shoes."""
     hair = next((name for name in choices.hair if name is not None), None)
     ways = {
         Outfit(upper=each.upper, bottom=each.bottom, shoes=each.shoes[0], hair=hair, hat=None): each
         for each in choices.clothes
     }
-    best = min(ways, key=lambda outfit: miss(mirrors, outfit))
+    cost = cache(lambda outfit: miss(mirrors, outfit))
+    firsts = {outfit.upper: outfit for outfit in reversed(ways)}
+    uppers = sorted(firsts, key=lambda upper: cost(firsts[upper]))[:FEW]
+    best = min((outfit for outfit in ways if outfit.upper in uppers), key=cost)
     shod = [replace(best, shoes=shoes) for shoes in ways[best].shoes]
-    return min(shod, key=lambda outfit: miss(mirrors, outfit))
+    return min(shod, key=cost)
 
 
 def coiffed(mirrors: Sequence[Mirror], outfit: Outfit, choices: Choices) -> Outfit:
