@@ -480,6 +480,7 @@ def test_a_photograph_s_progress_is_told_stage_by_stage(page: Page, monkeypatch:
         (png()[:60], "photo: me.jpg is no picture that can be read"),
         (png(3, 3), "photo: me.jpg is 3 x 3 pixels"),
     ],
+    ids=["empty", "none", "damaged", "small"],
 )
 def test_a_bad_photograph_is_refused_and_all_stays(page: Page, data: bytes, said: str) -> None:
     with_finder(page)

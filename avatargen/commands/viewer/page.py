@@ -284,6 +284,7 @@ class Page:
             self.words.value = wish.text
         self.truncation.value, self.in_parts.value = wish.truncation, wish.parts
         self.faces.value = next(faces for faces in FACES if int(faces) == wish.faces)
+        self.want()  # a photograph is no control whose change asks for it
 
     def fit(self, always: bool = False) -> None:
         """Put the camera where it sees the whole person, unless somebody has moved it."""
