@@ -425,7 +425,8 @@ def give_photo(page: Page, name: str, data: bytes) -> None:
 
 
 def with_finder(page: Page, happens: Callable[[], None] = lambda: None) -> FakeFinder:
-    page.people = People(page.people.sampler, page.people.settings)
+    known, page.people = page.people.kept, People(page.people.sampler, page.people.settings)
+    page.people.kept.update(known)  # nobody is built anew
     finder = FakeFinder(page.people, happens)
     page.people.__dict__["finder"] = finder
     return finder

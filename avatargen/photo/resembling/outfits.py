@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from avatargen.wardrobe.makehuman.hairs import fits
 from avatargen.wardrobe.makehuman.outfit import BARE, CLOSE, SKIRTED, TAILORED, Item, Wearable, word
 
 
@@ -18,10 +19,11 @@ class Clothing:
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """Ways to dress a person."""
+    """Ways to dress a person; `rare` are styles of hair that the other sex usually wears."""
 
     clothes: tuple[Clothing, ...]
     hair: tuple[str | None, ...]
+    rare: tuple[str, ...]
     hats: tuple[str | None, ...]
 
 
@@ -29,9 +31,11 @@ def choices_for(items: Mapping[str, Item], sex: str) -> Choices:
     """What women or men can wear."""
     woman = sex == "woman"
     wearable = Wearable(items, woman, borrows=woman)
-    wanted = "Female" if woman else "Male"
     styles = [item for item in items.values() if item.kind == "hair"]
-    fitting = [item for item in styles if wanted in item.tags or not {"Male", "Female"} & set(item.tags)]
+    usual, crossed = (
+        sorted(item.name for item in styles if fits(item.name, item.tags, woman, other, dark=1.0))
+        for other in (False, True)
+    )
     return Choices(
         clothes=tuple(
             Clothing(
@@ -41,7 +45,8 @@ def choices_for(items: Mapping[str, Item], sex: str) -> Choices:
             )
             for upper, bottom in clothes_of(wearable)
         ),
-        hair=(None, *sorted(item.name for item in fitting)),
+        hair=(None, *usual),
+        rare=tuple(name for name in crossed if name not in usual),
         hats=(None, *names(wearable.of("hat"))),
     )
 

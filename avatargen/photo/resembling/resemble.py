@@ -34,7 +34,7 @@ LEAD = 0.007  # m that what is worn further out is before what is beneath, where
 FEWEST = 4  # pixels that tell a colour
 FEW = 5  # uppers that are tried over all bottoms
 SHARE = 0.15  # of the pixels of hair, that tell its colour
-RARE = {"hat": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
+RARE = {"hat": 0.08, "hair": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
 MARGIN = 0.06  # of the person's height, around the person
 SKIN = "skin"
 Middles = dict[str, Float64[np.ndarray, "3"] | None]  # colours by piece
@@ -183,7 +183,7 @@ def resemble(
         outfit=outfit,
         colors=colors,
         skin=np.median(skins, axis=0) if (bare := colors[SKIN]) is None else bare,
-        miss=miss(whole, outfit) + miss(head, outfit),
+        miss=miss(whole, outfit) + miss(head, outfit) + rarity(outfit, choices),
     )
 
 
@@ -219,12 +219,16 @@ def dressed(mirrors: Sequence[Mirror], choices: Choices) -> Outfit:
 
 def coiffed(mirrors: Sequence[Mirror], outfit: Outfit, choices: Choices) -> Outfit:
     """Hair and hat."""
+    ways = [
+        replace(outfit, hair=hair, hat=hat)
+        for hair, hat in product((*choices.hair, *choices.rare), choices.hats)
+    ]
+    return min(ways, key=lambda tried: miss(mirrors, tried) + rarity(tried, choices))
 
-    def cost(tried: Outfit) -> float:
-        return miss(mirrors, tried) + (RARE["hat"] if tried.hat is not None else 0)
 
-    ways = [replace(outfit, hair=hair, hat=hat) for hair, hat in product(choices.hair, choices.hats)]
-    return min(ways, key=cost)
+def rarity(outfit: Outfit, choices: Choices) -> float:
+    """By how much an outfit has to be better because it is seldom seen."""
+    return RARE["hat"] * (outfit.hat is not None) + RARE["hair"] * (outfit.hair in choices.rare)
 
 
 def box_of(sighting: Sighting) -> tuple[np.ndarray, np.ndarray]:
