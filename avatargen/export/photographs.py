@@ -150,6 +150,8 @@ class Finder:
             fits = fitter.refine(sightings, fits, best.sex, clothes)
         with self.timed(seconds, "resemble"):
             best = resemble(sampler, wardrobe, sightings, fits, best.sex)
+        with self.timed(seconds, "refine"):  # to the clothes that were found now
+            fits = fitter.refine(sightings, fits, best.sex, wardrobe.clothes(best.outfit, fitter.figure))
         person = attributes_of(sampler, best, traits.age or AGE)
         return FoundPerson(
             sightings=tuple(sightings),
