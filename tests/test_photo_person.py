@@ -15,19 +15,22 @@ from avatargen.body.model import forward_kinematics, shape
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
-from avatargen.export.photographs import find_person
+from avatargen.export.photographs import Finder
 from avatargen.photo.camera import Pinhole
 from avatargen.photo.figure import tensor
 from avatargen.photo.fit import Fitter, check_whole
 from avatargen.photo.picture import Picture
 from avatargen.photo.problem import Fit
 from avatargen.photo.raster import look_at
+from avatargen.photo.resembling.outfits import choices_for
 from avatargen.photo.resembling.pieces import Dresser
 from avatargen.photo.resembling.resemble import Outfit, Wardrobe
+from avatargen.photo.seeing.see import Eyes
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.appearance import rgb_of
 from avatargen.wardrobe.choosing import traits_of
 from avatargen.wardrobe.colour_names import lab
+from avatargen.wardrobe.makehuman.choose import Draw, draw_latent
 
 WIDTH, HEIGHT, FOCAL = 300, 400, 420.0
 SKIN, HAIR = (0.72, 0.53, 0.43), (0.2, 0.14, 0.1)
@@ -39,6 +42,7 @@ OUTFIT = Outfit(
     hair="short04",
     hat=None,
 )
+BLIND = Eyes(detector=lambda picture: [], landmarks=lambda picture: [], face=lambda picture: [])
 TURNS = {  # degrees
     "pelvis": (0, 25, 0),
     "left_shoulder": (0, -20, -20),
@@ -183,7 +187,7 @@ def test_half_a_person_is_refused_with_what_is_missing() -> None:
 
 def test_the_clothes_and_colours_of_a_person_are_found_again() -> None:
     posed = posing()
-    found = find_person(sampler(), [posed.sighting], traits_of({"gender": "man"}), {})
+    found = Finder(sampler(), BLIND).resembling([posed.sighting], traits_of({"gender": "man"}), {})
     mask = posed.sighting.mask > 0.5
     _, again = photographed(found.fits[0])
     share = (mask & (again > 0.5)).sum() / (mask | (again > 0.5)).sum()
@@ -195,3 +199,22 @@ def test_the_clothes_and_colours_of_a_person_are_found_again() -> None:
     assert (facts["top_color"], facts["bottom_color"]) == ("red", "blue")
     assert (facts["hat"], facts["outer"]) == ("none", "none") and facts["skin"] in ("light", "medium")
     assert found.lines() and found.facts()["height_told"] is False
+
+
+def test_whatever_a_seed_wears_is_tried_on() -> None:
+    """Dresses, coats over what fits closely, bare legs without socks: nobody wears what is not looked for."""
+    choices, kinds = {sex: choices_for(sampler().items, sex) for sex in ("woman", "man")}, set()
+    for seed in range(400):
+        person = sampler().choose(Draw(draw_latent(seed)))
+        worn = dict(zip(person.garments, person.kinds, strict=True))
+        kinds |= set(person.kinds)
+        clothes = {name for name, kind in worn.items() if kind not in ("shoes", "socks", "hat")}
+        feet = tuple(name for name, kind in worn.items() if kind in ("shoes", "socks"))
+        fitting = [
+            each
+            for each in choices[person.sex].clothes
+            if {*each.upper, *([] if each.bottom is None else [each.bottom])} == clothes
+        ]
+        assert len(fitting) == 1 and feet in fitting[0].shoes, person.garments
+        assert person.hair in (*choices[person.sex].hair, *choices[person.sex].rare)
+    assert {"dress", "outer", "overall", "socks"} <= kinds

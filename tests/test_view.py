@@ -38,6 +38,7 @@ from avatargen.generator.checkpoint import save_checkpoint
 from avatargen.generator.config import DEBUG, for_body
 from avatargen.generator.generator import AvatarGenerator
 from avatargen.motion.clips import CLIPS
+from avatargen.photo.seeing.see import Eyes
 from exporters import FORMATS, export, glb
 from exporters.read_glb import read_glb
 from tests import browser
@@ -390,6 +391,147 @@ def test_words_that_name_nobody_are_refused_and_all_stays(page: Page) -> None:
         assert page.asset is asset and page.words.value == ""
         said = page.status.content.split("\n\n")[0]
         assert said.startswith("**") and ("nothing of" in said or "no words" in said)
+
+
+def png(width: int = 90, height: int = 120) -> bytes:
+    """A picture's file."""
+    stream = io.BytesIO()
+    Image.new("RGB", (width, height), (200, 30, 30)).save(stream, "PNG")
+    return stream.getvalue()
+
+
+class FakeFinder:
+    """Finds the person of a seed in all pictures, in three stages."""
+
+    def __init__(self, people: People, happens: Callable[[], None] = lambda: None) -> None:
+        self.people, self.happens, self.seen = people, happens, list[str]()
+        self.painted_assets = list[Asset]()
+
+    def find(self, pictures: list[Any], traits: Any, progress: Callable[[str, float], None]) -> Any:
+        self.seen += [picture.name for picture in pictures]
+        progress("see", 0.0)
+        self.happens()
+        progress("fit", 0.5)
+        return SimpleNamespace(avatar=self.people.sampler.sample(5), lines=lambda: ["taken as 1.68 m"])
+
+    def painted(self, asset: Asset, found: Any) -> Asset:
+        self.painted_assets.append(asset)
+        return asset
+
+
+def give_photo(page: Page, name: str, data: bytes) -> None:
+    page.photo.take(viser.UploadedFile(name=name, content=data))
+    page.step()
+
+
+def with_finder(page: Page, happens: Callable[[], None] = lambda: None) -> FakeFinder:
+    known, page.people = page.people.kept, People(page.people.sampler, page.people.settings)
+    page.people.kept.update(known)  # nobody is built anew
+    finder = FakeFinder(page.people, happens)
+    page.people.__dict__["finder"] = finder
+    return finder
+
+
+def typed_by_a_visitor(page: Page, control: Any) -> viser.GuiEvent[Any]:
+    return viser.GuiEvent(client=page.tab, client_id=0, target=control)
+
+
+def test_a_photograph_that_is_dropped_is_the_person_shown(page: Page) -> None:
+    """Beside the picture, by its name, with what it does not tell, and with the same downloads."""
+    finder = with_finder(page)
+    assert not page.photo.picture.visible and not page.photo.leave.visible
+    give_photo(page, "m`e.png", png())
+    assert page.asset is not None and page.asset.info.seed == 5 and finder.painted_assets == [page.asset]
+    said, line = page.status.content.split("\n\n")
+    assert said.startswith("`m'e.png`: 1,000 triangles, error ") and line == "`taken as 1.68 m`"
+    assert page.photo.picture.visible and page.photo.picture.image.shape == (120, 90, 3)
+    assert (page.photo.picture.image == (200, 30, 30)).all()
+    assert page.file()[0].endswith(".glb")
+    page.faces.value = "8000"
+    page.step()
+    assert len(page.asset.faces) == 400 and finder.seen == ["m`e.png"]  # looked at once
+    page.photo.drop()
+    page.step()
+    assert page.asset.info.seed == 3 and page.status.content.startswith("Seed 3: ")
+    assert not page.photo.picture.visible and not page.photo.leave.visible
+
+
+def test_a_photograph_s_progress_is_told_stage_by_stage(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_finder(page)
+    told: list[tuple[str, float]] = []
+    show = page.show_progress
+
+    def listen(wish: Wish, stage: str, share: float) -> None:
+        show(wish, stage, share)
+        told.append((page.status.content, share))
+
+    monkeypatch.setattr(page, "show_progress", listen)
+    give_photo(page, "me.png", png())
+    assert [said for said, _ in told[:2]] == ["`me.png`: see ...", "`me.png`: fit ..."]
+    assert told[-1] == ("`me.png`: paint ...", 1.0)
+    shares = [share for _, share in told]
+    assert shares == sorted(shares) and not page.progress.visible
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", "photo: me.jpg is no picture that can be read"),
+        (b"no picture", "photo: me.jpg is no picture that can be read"),
+        (png()[:60], "photo: me.jpg is no picture that can be read"),
+        (png(3, 3), "photo: me.jpg is 3 x 3 pixels"),
+    ],
+    ids=["empty", "none", "damaged", "small"],
+)
+def test_a_bad_photograph_is_refused_and_all_stays(page: Page, data: bytes, said: str) -> None:
+    with_finder(page)
+    asset, kept = page.asset, page.status.content
+    give_photo(page, "me.jpg", data)
+    page.step()
+    assert page.asset is asset and page.photo.photo is None and not page.photo.picture.visible
+    assert page.status.content.startswith(f"**{said}") and page.status.content.endswith(f"\n\n{kept}")
+
+
+def test_a_bad_photograph_leaves_the_good_one(page: Page) -> None:
+    with_finder(page)
+    give_photo(page, "me.png", png())
+    asset, photo = page.asset, page.photo.photo
+    give_photo(page, "no.png", b"")
+    page.step()
+    assert page.asset is asset and page.photo.photo == photo and page.photo.picture.visible
+
+
+def test_people_of_other_weights_are_found_in_no_photograph(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blind = Eyes(detector=lambda picture: [], landmarks=lambda picture: [], face=lambda picture: [])
+    monkeypatch.setattr("avatargen.photo.seeing.see.open_eyes", lambda: blind)
+    asset = page.asset
+    give_photo(page, "me.png", png())
+    assert page.asset is asset and "with people of other weights" in page.status.content
+
+
+def test_words_and_seeds_that_a_visitor_types_take_the_photograph_away(page: Page) -> None:
+    with_finder(page)
+    for take in (
+        lambda: page.leave_photo(typed_by_a_visitor(page, page.words)),
+        lambda: page.take_seed(typed_by_a_visitor(page, page.typed)),
+        lambda: page.take_another("8"),
+    ):
+        give_photo(page, "me.png", png())
+        assert page.wish is not None and page.wish.photo is not None
+        take()
+        settle(page)
+        assert page.wish.photo is None and not page.photo.picture.visible
+
+
+def test_a_newer_wish_ends_the_look_at_a_photograph(page: Page) -> None:
+    finder = with_finder(page, lambda: page.take_another("2047"))
+    asset = page.asset
+    give_photo(page, "me.png", png())
+    assert page.asset is asset and finder.painted_assets == []
+    page.step()
+    assert page.asset is not None and page.asset.info.seed == 2047
 
 
 def seen_from(

@@ -121,6 +121,11 @@ COMMANDS = (
         function="avatargen.commands.learn.likeness:main",
     ),
     Command(
+        words=("eval", "photo"),
+        summary="find people again in pictures of people whose pose, shape and surface are known",
+        function="avatargen.commands.learn.photo:main",
+    ),
+    Command(
         words=("eval", "rays"),
         summary="picture error against time for 12 to 48 samples a ray",
         function="avatargen.commands.learn.rays:main",

@@ -2,9 +2,10 @@
 own colours on that person's texture."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64, UInt8
@@ -14,14 +15,14 @@ from assets.asset.asset import PlainAsset, TexturedAsset
 from assets.picture.preview import sample_texture
 from assets.texture.atlas import Atlas
 from assets.texture.bake import TexelMap, map_texels
-from avatargen.avatar import Avatar
+from avatargen.avatar import Avatar, Sampler
 from avatargen.body.model import CanonicalBody
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
 from avatargen.export.request import ExportRequest
 from avatargen.photo.face_shift import face_shift
 from avatargen.photo.fit import Fitter, check_whole
-from avatargen.photo.picture import read_mask, read_picture
+from avatargen.photo.picture import Picture, read_mask, read_picture
 from avatargen.photo.pixels import Shown, evened, of_one_stuff, scene_of, show, trust
 from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.person import attributes_of, avatar_of
@@ -29,13 +30,19 @@ from avatargen.photo.resembling.pieces import Dresser
 from avatargen.photo.resembling.resemble import SKIN, Resemblance, Wardrobe, resemble
 from avatargen.photo.seeing.face import find_face
 from avatargen.photo.seeing.network import Network
-from avatargen.photo.seeing.see import open_eyes, see
+from avatargen.photo.seeing.see import Eyes, open_eyes, see
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.choosing import Traits
 
 GENDERS = ("woman", "man")
 GAMMA = 2.2  # of `sample_texture`'s linear light
 AGE = "young"  # where nobody tells
+SHARES = {"fit": 0.15, "resemble": 0.4, "refine": 0.7}  # of the work, that lies behind when a stage begins
+Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
+
+
+def silent(stage: str, share: float) -> None:
+    """Progress that nobody watches."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,21 +91,102 @@ class FoundPerson:
         return found
 
 
+class Finder:
+    """Finds a generator's people in photographs; what was made ready for one stays for the next. Seconds are
+    those of `clock`.
+
+    Raises:
+        InputError: a generator of other people, or another body.
+    """
+
+    def __init__(self, sampler: Sampler, eyes: Eyes, clock: Callable[[], float] = time.perf_counter) -> None:
+        if not isinstance(sampler, DressedSampler) or sampler.sizing is None:
+            raise InputError(
+                "found a photograph with people of other weights or another body; leave those out"
+            )
+        self.sampler, self.eyes, self.clock = sampler, eyes, clock
+        self.fitter, self.wardrobe = Fitter(sampler.body.source, sampler.sizing), Wardrobe(sampler)
+
+    def find(
+        self,
+        pictures: Sequence[Picture],
+        traits: Traits,
+        mask: Path | None = None,
+        progress: Progress = silent,
+    ) -> FoundPerson:
+        """The person of the pictures; a mask is of the one picture. Raises InputError where they show no
+        whole person."""
+        seconds: dict[str, float] = {}
+        progress("see", 0.0)
+        with self.timed(seconds, "see"):
+            sightings = [see(picture, self.eyes) for picture in pictures]
+        for sighting in sightings:
+            check_whole(sighting)
+        if mask is not None:
+            sightings = [replace(sightings[0], mask=read_mask(mask, pictures[0]))]
+        return self.resembling(sightings, traits, seconds, progress)
+
+    def resembling(
+        self,
+        sightings: Sequence[Sighting],
+        traits: Traits,
+        seconds: dict[str, float],
+        progress: Progress = silent,
+    ) -> FoundPerson:
+        """Fit and dress the person who was seen. `traits` may tell gender, age and height; `seconds` are
+        added to by stage."""
+        sampler, fitter, wardrobe = self.sampler, self.fitter, self.wardrobe
+        progress("fit", SHARES["fit"])
+        with self.timed(seconds, "fit"):
+            fits = fitter.fit_together(sightings, height=traits.height, gender=traits.gender)
+        sexes = GENDERS if traits.gender is None else (traits.gender,)
+        progress("resemble", SHARES["resemble"])
+        with self.timed(seconds, "resemble"):
+            found = [resemble(sampler, wardrobe, sightings, fits, sex) for sex in sexes]
+            best = min(found, key=lambda each: each.miss)
+            clothes = wardrobe.clothes(best.outfit, fitter.figure)
+        progress("refine", SHARES["refine"])
+        with self.timed(seconds, "refine"):
+            fits = fitter.refine(sightings, fits, best.sex, clothes)
+        with self.timed(seconds, "resemble"):
+            best = resemble(sampler, wardrobe, sightings, fits, best.sex)
+        with self.timed(seconds, "refine"):  # to the clothes that were found now
+            fits = fitter.refine(sightings, fits, best.sex, wardrobe.clothes(best.outfit, fitter.figure))
+        person = attributes_of(sampler, best, traits.age or AGE)
+        return FoundPerson(
+            sightings=tuple(sightings),
+            fits=fits,
+            resemblance=best,
+            avatar=avatar_of(sampler, person, fits[0]),
+            gender_told=traits.gender is not None,
+            seconds=seconds,
+        )
+
+    @contextmanager
+    def timed(self, seconds: dict[str, float], name: str) -> Iterator[None]:
+        """Adds what is done to the seconds of a stage."""
+        started = self.clock()
+        yield
+        seconds[name] = seconds.get(name, 0.0) + self.clock() - started
+
+    def painted(self, asset: PlainAsset, found: FoundPerson) -> PlainAsset:
+        """The asset in the photographs' pixels; one without a texture as it is."""
+        return painted(asset, found, self.eyes.face) if isinstance(asset, TexturedAsset) else asset
+
+
 class PhotoPeople:
     """The person of a request's photographs."""
 
     def __init__(self, request: ExportRequest) -> None:
-        self.pictures = [read_picture(path) for path in request.photos]  # what may fail at once comes first
-        self.eyes = open_eyes()
+        self.pictures = [read_picture(path) for path in request.photos]
+        eyes = open_eyes()  # what may fail at once comes first
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
-        if not isinstance(sampler, DressedSampler) or sampler.sizing is None:
-            raise InputError("found --photo with people of other weights or another body; leave those out")
-        self.request, self.sampler = request, sampler
+        self.request, self.finder = request, Finder(sampler, eyes)
         self.seen: FoundPerson | None = None
 
     @property
     def body(self) -> CanonicalBody:
-        return self.sampler.body
+        return self.finder.sampler.body
 
     @property
     def found(self) -> FoundPerson:
@@ -107,15 +195,7 @@ class PhotoPeople:
 
     def sample(self, seed: int) -> Avatar:
         """Look at the photographs. Raises InputError where they show no whole person."""
-        seconds: dict[str, float] = {}
-        with timed(seconds, "see"):
-            sightings = [see(picture, self.eyes) for picture in self.pictures]
-        for sighting in sightings:
-            check_whole(sighting)
-        if self.request.mask is not None:
-            mask = read_mask(self.request.mask, self.pictures[0])
-            sightings = [replace(sightings[0], mask=mask)]
-        self.seen = find_person(self.sampler, sightings, self.request.traits, seconds)
+        self.seen = self.finder.find(self.pictures, self.request.traits, self.request.mask)
         return self.seen.avatar
 
     def pose(self, joint_names: tuple[str, ...]) -> Float64[np.ndarray, "J 3"]:
@@ -126,47 +206,10 @@ class PhotoPeople:
 
     def painted(self, asset: PlainAsset) -> PlainAsset:
         """The asset in the photographs' pixels; one without a texture as it is."""
-        return painted(asset, self.found, self.eyes.face) if isinstance(asset, TexturedAsset) else asset
+        return self.finder.painted(asset, self.found)
 
 
 DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
-
-
-def find_person(
-    sampler: DressedSampler, sightings: Sequence[Sighting], traits: Traits, seconds: dict[str, float]
-) -> FoundPerson:
-    """Fit and dress the person who was seen. `traits` may tell gender, age and height; `seconds` are added to
-    by stage."""
-    assert sampler.sizing is not None
-    fitter, wardrobe = Fitter(sampler.body.source, sampler.sizing), Wardrobe(sampler)
-    with timed(seconds, "fit"):
-        fits = fitter.fit_together(sightings, height=traits.height, gender=traits.gender)
-    sexes = GENDERS if traits.gender is None else (traits.gender,)
-    with timed(seconds, "resemble"):
-        found = [resemble(sampler, wardrobe, sightings, fits, sex) for sex in sexes]
-        best = min(found, key=lambda each: each.miss)
-        clothes = wardrobe.clothes(best.outfit, fitter.figure)
-    with timed(seconds, "refine"):
-        fits = fitter.refine(sightings, fits, best.sex, clothes)
-    with timed(seconds, "resemble"):
-        best = resemble(sampler, wardrobe, sightings, fits, best.sex)
-    person = attributes_of(sampler, best, traits.age or AGE)
-    return FoundPerson(
-        sightings=tuple(sightings),
-        fits=fits,
-        resemblance=best,
-        avatar=avatar_of(sampler, person, fits[0]),
-        gender_told=traits.gender is not None,
-        seconds=seconds,
-    )
-
-
-@contextmanager
-def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Adds what is done to the seconds of a stage."""
-    started = time.perf_counter()
-    yield
-    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - started
 
 
 def painted(asset: TexturedAsset, found: FoundPerson, face: Network | None = None) -> TexturedAsset:

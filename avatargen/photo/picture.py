@@ -2,7 +2,7 @@
 
 import io
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +53,11 @@ def read_picture(path: Path) -> Picture:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"photo: cannot read {path} ({error.strerror}); check the path") from error
+    return replace(picture_of(data, str(path)), name=path.name)
+
+
+def picture_of(data: bytes, name: str) -> Picture:
+    """The photograph that a file holds, as `read_picture` reads it. Raises InputError as that does."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of sizes, which are checked here
@@ -67,12 +72,12 @@ def read_picture(path: Path) -> Picture:
             pixels = np.asarray(upright)
     except Image.DecompressionBombError as error:
         raise InputError(
-            f"photo: {path} has more than {MOST_PIXELS // 1_000_000} megapixels; make it smaller"
+            f"photo: {name} has more than {MOST_PIXELS // 1_000_000} megapixels; make it smaller"
         ) from error
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"photo: {path} is no picture that can be read; give a JPEG or PNG") from error
+        raise InputError(f"photo: {name} is no picture that can be read; give a JPEG or PNG") from error
     return Picture(
-        name=path.name,
+        name=name,
         pixels=pixels,
         focal=(focal or USUAL_FOCAL) * max(pixels.shape[:2]),
         focal_known=focal is not None,

@@ -19,6 +19,7 @@ from avatargen.body.stance import FINGER_LIMBS, LIMBS, STANCES, Limb, limb_rotat
 from avatargen.commands.viewer.camera import place, room_of
 from avatargen.commands.viewer.download import file_of, play
 from avatargen.commands.viewer.people import People, Person, Wish
+from avatargen.commands.viewer.photo import PhotoControls
 from avatargen.errors import AvatarGenError, InputError
 from avatargen.motion.clips import CLIPS
 from exporters import FORMATS, glb
@@ -73,6 +74,7 @@ class Page:
         with gui.add_folder("Person") as folder:
             self.typed = gui.add_text("seed", str(self.seed), hint="a whole number; Enter shows the person")
             self.words = gui.add_text("in words", "", hint=WORDS_HINT)
+            self.photo = PhotoControls(gui, self.take_photo)
             another = gui.add_button("another person", icon=viser.Icon.DICE)
             self.truncation = gui.add_slider(
                 "variety", min=0.0, max=1.0, step=0.05, initial_value=1.0, hint="0: the mean person"
@@ -85,8 +87,9 @@ class Page:
             self.progress = gui.add_progress_bar(0.0, visible=False)
             self.status = gui.add_markdown(f"Seed {self.seed} ...")
         rng = np.random.default_rng()
-        another.on_click(lambda event: setattr(self.typed, "value", str(rng.integers(1_000_000))))
+        another.on_click(lambda event: self.take_another(str(rng.integers(1_000_000))))
         self.typed.on_update(self.take_seed)
+        self.words.on_update(self.leave_photo)
         self.person_folder = folder
         self.draw_on_change(self.words, self.truncation, self.faces, self.in_parts)
 
@@ -155,9 +158,25 @@ class Page:
         (what or self.undrawn).set()
         self.call(self)
 
+    def take_photo(self) -> None:
+        """A photograph was given or taken away."""
+        self.refused = ""
+        self.want()
+
+    def leave_photo(self, event: viser.GuiEvent[Any]) -> None:
+        """Whoever types asks for somebody else than the photograph's person."""
+        if event.client is not None:
+            self.photo.photo = None
+
+    def take_another(self, seed: str) -> None:
+        """Somebody else."""
+        self.photo.photo = None
+        self.typed.value = seed
+
     def take_seed(self, event: viser.GuiEvent[Any]) -> None:
         """Take the seed that was typed; if it is none, say so and put the last good one back."""
         typed = self.typed.value.strip()
+        self.leave_photo(event)
         if typed.isascii() and typed.isdecimal() and len(typed) <= 16 and int(typed) <= LARGEST_SEED:
             self.seed = int(typed)
             self.changed(event)
@@ -174,7 +193,8 @@ class Page:
         """Whom the controls ask for."""
         return Wish(
             seed=self.seed,
-            text=self.words.value.strip(),
+            text="" if self.photo.photo else self.words.value.strip(),
+            photo=self.photo.photo,
             truncation=float(self.truncation.value),
             faces=int(self.faces.value),
             parts=bool(self.in_parts.value),
@@ -216,9 +236,10 @@ class Page:
             raise
         if self.closed or self.wanted() != wish:
             raise Superseded
-        if self.wish is None or (self.wish.seed, self.wish.text) != (wish.seed, wish.text):
+        if self.wish is None or self.wish.who != wish.who:
             self.box = None
         self.wish = wish
+        self.photo.show(wish.photo)
         angles = {name: float(control.value) for name, control in self.angles.items()}
         playing = self.clip.value != STILL
         self.offer_parts(part_names(person.asset))
@@ -227,7 +248,7 @@ class Page:
             self.shape = play(self.asset, self.clip.value, on_the_spot=True)
         else:
             self.shape = posed(self.asset, limb_rotations(angles, self.asset.skeleton.joint_names))
-        self.status.content = (self.refused and f"**{self.refused}**\n\n") + describe(person)
+        self.status.content = (self.refused and f"**{self.refused}**\n\n") + describe(wish, person)
         self.joint.visible = self.shown.value == "skin weights"
         self.scale.visible = self.shown.value == "error"
         self.wireframe.disabled = playing  # its lines would stand still
@@ -257,9 +278,13 @@ class Page:
 
     def put_back(self, wish: Wish) -> None:
         """Let the controls ask for somebody again."""
-        self.seed, self.typed.value, self.words.value = wish.seed, str(wish.seed), wish.text
+        self.photo.photo = wish.photo
+        self.seed, self.typed.value = wish.seed, str(wish.seed)
+        if wish.photo is None:
+            self.words.value = wish.text
         self.truncation.value, self.in_parts.value = wish.truncation, wish.parts
         self.faces.value = next(faces for faces in FACES if int(faces) == wish.faces)
+        self.want()  # a photograph is no control whose change asks for it
 
     def fit(self, always: bool = False) -> None:
         """Put the camera where it sees the whole person, unless somebody has moved it."""
@@ -302,7 +327,7 @@ class Page:
             raise Superseded
         self.progress.visible = True
         self.progress.value = 100 * share
-        self.status.content = f"Seed {wish.seed}: {stage} ..."
+        self.status.content = f"{called(wish)}: {stage} ..."
 
     def file(self) -> tuple[str, bytes]:
         """Name and content of the file asked for, with the clip that plays; several files that belong
@@ -331,18 +356,24 @@ def plain(words: str) -> str:
     return "`" + words.replace("`", "'") + "`"
 
 
-def describe(person: Person) -> str:
-    """What there is to say about a person: one line, and one for each thing that was read out of a text."""
+def called(wish: Wish) -> str:
+    """Who it is, as Markdown takes it."""
+    return f"Seed {wish.seed}" if wish.photo is None else plain(wish.photo.name)
+
+
+def describe(wish: Wish, person: Person) -> str:
+    """What there is to say about a person: one line, and one for each thing that was read out of a text or
+    that a photograph does not tell."""
     told = dict(person.asset.info.facts)
     lines = [f"{name.replace('_', ' ')}: {told[name]}" for name in ("understood", "left_out") if name in told]
-    return "\n\n".join([measures(person), *map(plain, lines)])
+    return "\n\n".join([measures(wish, person), *map(plain, [*lines, *person.lines])])
 
 
-def measures(person: Person) -> str:
+def measures(wish: Wish, person: Person) -> str:
     """The person in numbers."""
     asset, report = person.asset, person.asset.report
     assert report is not None  # every built asset has one
     return (
-        f"Seed {asset.info.seed}: {len(asset.faces):,} triangles, error {report.error.mean_mm:.2f} mm mean, "
+        f"{called(wish)}: {len(asset.faces):,} triangles, error {report.error.mean_mm:.2f} mm mean, "
         f"{report.error.p99_mm:.2f} mm at 99 %, built in {report.total_seconds:.1f} s"
     )

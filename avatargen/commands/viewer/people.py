@@ -3,6 +3,8 @@
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float64
@@ -14,20 +16,46 @@ from assets.picture.paint import vertex_errors
 from avatargen.avatar import Avatar, Sampler
 from avatargen.errors import InputError
 from avatargen.export.rules import check_text
+from avatargen.photo.picture import Picture, picture_of
+from avatargen.wardrobe.choosing import Traits
 
+if TYPE_CHECKING:
+    from avatargen.export.photographs import Finder, FoundPerson
+
+FINDING = 0.6  # of the work on a photograph, before its person is built
 KEPT = 4  # people: each takes some 100 MB with its planes
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
 
 
 @dataclass(frozen=True)
+class Photo:
+    """A photograph's file, held in memory alone."""
+
+    name: str
+    data: bytes = field(repr=False)
+
+    @cached_property
+    def picture(self) -> Picture:
+        """What it shows. Raises InputError where it is no picture."""
+        return picture_of(self.data, self.name)
+
+
+@dataclass(frozen=True)
 class Wish:
-    """Which person, as a text says where there is one, in how many triangles, and whether in parts."""
+    """Which person, as a text says or a photograph shows where there is one, in how many triangles, and
+    whether in parts."""
 
     seed: int
     text: str = ""
+    photo: Photo | None = None
     truncation: float = 1.0
     faces: int = 20_000
     parts: bool = False  # body, garments and hair as meshes of their own
+
+    @property
+    def who(self) -> tuple[int, str, Photo | None]:
+        """The person alone."""
+        return self.seed, self.text, self.photo
 
 
 @dataclass(kw_only=True)
@@ -36,6 +64,7 @@ class Person:
 
     avatar: AvatarFields
     asset: Asset
+    lines: tuple[str, ...] = ()  # what whoever gave a photograph should know
     measured: Float64[np.ndarray, " W"] | None = field(default=None)
     coarser: dict[int, "Person"] = field(default_factory=dict)
 
@@ -51,7 +80,9 @@ class Person:
             asset = at_level(with_levels(self.asset, (len(self.asset.faces) >> level,)), 1)
             assert asset.report is not None  # every built asset has one
             report = replace(asset.report, error=level_error(asset, asset.faces, self.avatar.sdf))
-            self.coarser[level] = Person(avatar=self.avatar, asset=replace(asset, report=report))
+            self.coarser[level] = Person(
+                avatar=self.avatar, asset=replace(asset, report=report), lines=self.lines
+            )
         return self.coarser[level]
 
     def errors(self) -> Float64[np.ndarray, " W"]:
@@ -73,6 +104,7 @@ class People:
     def __init__(self, sampler: Sampler, settings: Callable[[int], BuildConfig]) -> None:
         self.sampler, self.settings = sampler, settings
         self.kept: OrderedDict[Wish, Person] = OrderedDict()
+        self.last: tuple[Photo, FoundPerson] | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -83,15 +115,43 @@ class People:
 
         Raises:
             AvatarGenError: the field gives no whole surface, the wish is out of range, or its text says
-                nothing that can be made.
+                nothing that can be made, or its photograph shows no whole person.
         """
         if wish not in self.kept:
-            avatar = self.drawn(wish)
-            self.kept[wish] = Person(avatar=avatar, asset=self.built(avatar, wish, progress))
+            self.kept[wish] = self.made(wish, progress)
             while len(self.kept) > KEPT:
                 self.kept.popitem(last=False)
         self.kept.move_to_end(wish)
         return self.kept[wish]
+
+    def made(self, wish: Wish, progress: Progress) -> Person:
+        """The person, built."""
+        if wish.photo is None:
+            avatar = self.drawn(wish)
+            return Person(avatar=avatar, asset=self.built(avatar, wish, progress))
+        found = self.found(wish.photo, lambda stage, share: progress(stage, FINDING * share))
+        asset = self.built(
+            found.avatar, wish, lambda stage, share: progress(stage, FINDING + (1 - FINDING) * share)
+        )
+        progress("paint", 1.0)
+        asset = self.finder.painted(asset, found)
+        assert isinstance(asset, Asset)
+        return Person(avatar=found.avatar, asset=asset, lines=tuple(found.lines()))
+
+    @cached_property
+    def finder(self) -> "Finder":
+        """Reads photographs. Raises InputError where its networks are missing, or the people are others."""
+        from avatargen.export.photographs import Finder  # most people are drawn
+        from avatargen.photo.seeing.see import open_eyes
+
+        return Finder(self.sampler, open_eyes())
+
+    def found(self, photo: Photo, progress: Progress) -> "FoundPerson":
+        """The person of a photograph; the last one is known still."""
+        if self.last is None or self.last[0] != photo:
+            picture = photo.picture  # what may fail at once comes first
+            self.last = (photo, self.finder.find([picture], Traits(), progress=progress))
+        return self.last[1]
 
     def drawn(self, wish: Wish) -> Avatar:
         """The person as fields; whom a text describes keeps the whole variety."""

@@ -10,6 +10,7 @@ Letters: H W pixels of a view, L labels.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -19,7 +20,7 @@ from avatargen.dressed_avatar import DressedSampler
 from avatargen.photo.figure import Figure
 from avatargen.photo.outline import Clothes
 from avatargen.photo.problem import Fit
-from avatargen.photo.resembling.outfits import Choices, choices_for, has_overall
+from avatargen.photo.resembling.outfits import Choices, choices_for
 from avatargen.photo.resembling.pieces import Dresser, Piece, body_piece, piece_of
 from avatargen.photo.resembling.view import FAR, Layer, View, draw_layer, view_of
 from avatargen.photo.seeing.pose import NAMES
@@ -31,8 +32,9 @@ MISSED = 2.6  # of a pixel that is the person and is not covered, or the other w
 CONTRAST = 0.6  # of the artist's own colours, that is expected
 LEAD = 0.007  # m that what is worn further out is before what is beneath, where both lie together
 FEWEST = 4  # pixels that tell a colour
+FEW = 5  # uppers that are tried over all bottoms
 SHARE = 0.15  # of the pixels of hair, that tell its colour
-RARE = {"hat": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
+RARE = {"hat": 0.08, "hair": 0.08}  # what is seldom worn has to be better by a share of the person's pixels
 MARGIN = 0.06  # of the person's height, around the person
 SKIN = "skin"
 Middles = dict[str, Float64[np.ndarray, "3"] | None]  # colours by piece
@@ -171,7 +173,7 @@ def resemble(
         for box in (box_of, head_box)
     ]
     whole, head = mirrors
-    outfit = dressed(whole, choices, sampler)
+    outfit = dressed(whole, choices)
     outfit = coiffed(head, outfit, choices)
     colors = middle_colors(whole, outfit)
     close = middle_colors(head, outfit)
@@ -181,7 +183,7 @@ def resemble(
         outfit=outfit,
         colors=colors,
         skin=np.median(skins, axis=0) if (bare := colors[SKIN]) is None else bare,
-        miss=miss(whole, outfit) + miss(head, outfit),
+        miss=miss(whole, outfit) + miss(head, outfit) + rarity(outfit, choices),
     )
 
 
@@ -200,27 +202,33 @@ def middle_colors(mirrors: Sequence[Mirror], outfit: Outfit) -> Middles:
     return found
 
 
-def dressed(mirrors: Sequence[Mirror], choices: Choices, sampler: DressedSampler) -> Outfit:
-    """Uppers with bottoms, then shoes."""
+def dressed(mirrors: Sequence[Mirror], choices: Choices) -> Outfit:
+    """Uppers, each over the first bottom that it goes with; the best few over all bottoms; then shoes."""
     hair = next((name for name in choices.hair if name is not None), None)
-    start = Outfit(upper=(), bottom=None, shoes=choices.shoes[0], hair=hair, hat=None)
-    tried = []
-    for upper, bottom in product(choices.uppers, choices.bottoms):
-        covered = has_overall(upper, sampler.items)
-        tried.append(replace(start, upper=upper, bottom=None if covered else bottom))
-    best = min(dict.fromkeys(tried), key=lambda outfit: miss(mirrors, outfit))
-    shod = [replace(best, shoes=shoes) for shoes in choices.shoes]
-    return min(shod, key=lambda outfit: miss(mirrors, outfit))
+    ways = {
+        Outfit(upper=each.upper, bottom=each.bottom, shoes=each.shoes[0], hair=hair, hat=None): each
+        for each in choices.clothes
+    }
+    cost = cache(lambda outfit: miss(mirrors, outfit))
+    firsts = {outfit.upper: outfit for outfit in reversed(ways)}
+    uppers = sorted(firsts, key=lambda upper: cost(firsts[upper]))[:FEW]
+    best = min((outfit for outfit in ways if outfit.upper in uppers), key=cost)
+    shod = [replace(best, shoes=shoes) for shoes in ways[best].shoes]
+    return min(shod, key=cost)
 
 
 def coiffed(mirrors: Sequence[Mirror], outfit: Outfit, choices: Choices) -> Outfit:
     """Hair and hat."""
+    ways = [
+        replace(outfit, hair=hair, hat=hat)
+        for hair, hat in product((*choices.hair, *choices.rare), choices.hats)
+    ]
+    return min(ways, key=lambda tried: miss(mirrors, tried) + rarity(tried, choices))
 
-    def cost(tried: Outfit) -> float:
-        return miss(mirrors, tried) + (RARE["hat"] if tried.hat is not None else 0)
 
-    ways = [replace(outfit, hair=hair, hat=hat) for hair, hat in product(choices.hair, choices.hats)]
-    return min(ways, key=cost)
+def rarity(outfit: Outfit, choices: Choices) -> float:
+    """By how much an outfit has to be better because it is seldom seen."""
+    return RARE["hat"] * (outfit.hat is not None) + RARE["hair"] * (outfit.hair in choices.rare)
 
 
 def box_of(sighting: Sighting) -> tuple[np.ndarray, np.ndarray]:
