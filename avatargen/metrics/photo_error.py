@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 
 from avatargen.errors import InputError
 from avatargen.mesh.closest import ClosestPoints
-from avatargen.metrics.evaluate import interval
+from avatargen.metrics.report import mean
 
 COLORS = ("hair_color", "top_color", "bottom_color", "outer_color", "shoes_color")
 WORDS = ("gender", "skin", "hair", "top", "bottom", "outer", "hat", "shoes", *COLORS)
@@ -112,7 +112,7 @@ def summary(people: Sequence[PhotoError]) -> dict[str, Any]:
     measured = [person for person in people if person.refused is None]
 
     def told(values: list[float]) -> dict[str, float]:
-        number = interval(np.array(values, dtype=np.float64))
+        number = mean(np.array(values, dtype=np.float64))
         return {} if number is None else asdict(number) | {"median": median(values)}
 
     def columns(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
