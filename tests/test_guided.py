@@ -106,7 +106,7 @@ class TestPeople:
         config = AtlasConfig(texture_size=CONFIG.texture)
         gap = size * config.padding / config.packing
         for one in np.unique(island):
-            far = distance_transform_edt(owner != one)
+            far = np.asarray(distance_transform_edt(owner != one))
             assert far[(owner >= 0) & (owner != one)].min() > gap - 1
         rows, columns = np.nonzero(owner >= 0)
         assert min(rows.min(), columns.min()) >= gap / 2 - 1
