@@ -237,7 +237,7 @@ def test_a_rendered_person_is_found_again() -> None:
         eyes = open_eyes()
     except InputError as error:
         pytest.skip(str(error))
-    found, strip = Trial(avatargen.load_generator(), eyes).of(30)
+    found, strip = Trial(avatargen.load_generator(), eyes).of(31)
     assert found.refused is None and strip is not None and strip.ndim == 3
     assert found.numbers["joints_aligned_mm"] < 90 and found.numbers["surface_aligned_mm"] < 30
     assert found.numbers["silhouette_iou"] > 0.88
