@@ -75,6 +75,13 @@ def test_what_is_borrowed_takes_the_place_of_what_was_worn(person, wear, worn):
     assert len(found.colours) == len(found.shades) == len(found.prints) == len(worn)
 
 
+def test_who_borrows_nothing_or_shoes_wears_the_own_top_under_an_overall():
+    worn = wearing("an", "socks", "shoes", "top", "overall")
+    assert borrow(worn, lambda seed: OWN, {}) == worn
+    found = borrow(worn, lambda seed: OWN, {"shoes": 1})
+    assert [each.garment for each in worn_by(found)] == ["my socks", "my shoes", "an top", "an overall"]
+
+
 def test_an_overall_takes_the_place_of_top_and_bottom():
     found = borrow(OWN, lambda seed: OVERALL, {"overall": 1})
     assert [each.garment for each in worn_by(found)] == ["my socks", "my shoes", "an overall"]

@@ -16,6 +16,16 @@ LENT = (
     "hat",
 )  # what can be borrowed; shoes with their socks
 OUTWARD = ("socks", "shoes", "bottom", "overall", "dress", "top", "outer", "hat")  # from the skin
+OWN_OUTWARD = (
+    "socks",
+    "shoes",
+    "bottom",
+    "top",
+    "overall",
+    "dress",
+    "outer",
+    "hat",
+)  # own tops lie under overalls
 TAKES_OFF = {
     "overall": ("overall", "top", "bottom", "dress"),
     "dress": ("dress", "overall", "top", "bottom"),
@@ -44,9 +54,9 @@ def worn_by(person: Attributes) -> list[Worn]:
 
 
 def borrow(person: Attributes, lender: Callable[[int], Attributes], wear: Mapping[str, int]) -> Attributes:
-    """The person in garments of other seeds: `wear` names by kind the seed that lends. A top goes over an
-    overall; a bottom takes an overall or a dress off, so a top has to come with it; a top takes a dress
-    off, so a bottom has to.
+    """The person in garments of other seeds: `wear` names by kind the seed that lends. A borrowed top goes
+    over an overall, the own one lies under it; a bottom takes an overall or a dress off, so a top has to
+    come with it; a top takes a dress off, so a bottom has to.
 
     Raises:
         InputError: an unknown kind, a seed that wears none, or somebody would be left without a top.
@@ -70,7 +80,8 @@ def borrow(person: Attributes, lender: Callable[[int], Attributes], wear: Mappin
         worn = [each for each in worn if each.kind not in off] + lent
         if kind == "top":
             prints = (other.print_colour, other.print_width)
-    worn.sort(key=lambda each: OUTWARD.index(each.kind) if each.kind in OUTWARD else len(OUTWARD))
+    outward = OUTWARD if "top" in wear else OWN_OUTWARD
+    worn.sort(key=lambda each: outward.index(each.kind) if each.kind in outward else len(outward))
     return replace(wearing(person, worn), print_colour=prints[0], print_width=prints[1])
 
 
