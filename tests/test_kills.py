@@ -73,7 +73,7 @@ def tensors(content: object) -> list[object]:
     return [content.numpy().tobytes() if isinstance(content, torch.Tensor) else content]
 
 
-@pytest.mark.parametrize(("processes", "kills"), [(1, 4), (2, 2)])
+@pytest.mark.parametrize(("processes", "kills"), [(1, 3), (2, 1)])
 def test_a_run_killed_at_random_moments_ends_as_one_left_alone(tmp_path: Path, processes: int, kills: int):
     """On packed pictures."""
     data = tmp_path / "packed"

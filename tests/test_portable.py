@@ -53,7 +53,7 @@ from avatargen.threads import os as seen
 assert not hasattr(seen, "fork") and hasattr(os, "fork")
 print(count)
 """
-OF_EXTRAS = ("anny",)  # that an environment of the tests lacks
+OF_EXTRAS = ("anny", "triton")  # that an environment of the tests lacks
 
 
 def test_every_module_loads_without_what_posix_alone_has() -> None:

@@ -31,12 +31,10 @@ class Ball:
 
     def surface(self, count, rng):
         up = rng.normal(size=(count, 3))
-        return self.centre + self.radius * up / np.linalg.norm(up, axis=1, keepdims=True), np.zeros(
-            (count, 2)
-        )
+        return self.centre + self.radius * up / np.linalg.norm(up, axis=1, keepdims=True)
 
     def seen(self, count, rng):
-        points = self.surface(count, rng)[0].astype(np.float32)
+        points = self.surface(count, rng).astype(np.float32)
         return points, self.paint(points)
 
     def paint(self, points):
@@ -55,7 +53,7 @@ def volume(ball) -> Volume:
 
 def test_a_ball_comes_back(ball, volume):
     bricks = volume.read()
-    points = (ball.surface(5000, np.random.default_rng(1))[0]).astype(np.float32)
+    points = ball.surface(5000, np.random.default_rng(1)).astype(np.float32)
     out = (points - ball.centre) / ball.radius
     for off in (-0.004, 0.0, 0.003):
         at = (points + off * out).astype(np.float32)

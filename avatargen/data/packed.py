@@ -117,7 +117,7 @@ def mapped(path: Path, kind: str, entry: Mapping[str, Any], start: int, count: i
     return np.asarray(np.memmap(path, dtype, "r", offset=start + low, shape=shape))
 
 
-def array_bytes(kind: str, shape: Sequence[int]) -> int:
+def array_bytes(kind: str, shape: Sequence[Any]) -> int:
     """Of a tensor of non-negative whole sizes. Raises ValueError for any other."""
     if not all(type(length) is int and length > 0 for length in shape):
         raise ValueError(f"{kind} of shape {shape}")

@@ -13,7 +13,7 @@ from assets import Asset, BuildConfig, build, with_levels
 from assets.asset.levels import at_level, level_error
 from assets.build_config import AvatarFields
 from assets.picture.paint import vertex_errors
-from avatargen.avatar import Avatar, Sampler
+from avatargen.avatar import Sampler
 from avatargen.errors import InputError
 from avatargen.export.rules import check_text
 from avatargen.photo.picture import Picture, picture_of
@@ -153,7 +153,7 @@ class People:
             self.last = (photo, self.finder.find([picture], Traits(), progress=progress))
         return self.last[1]
 
-    def drawn(self, wish: Wish) -> Avatar:
+    def drawn(self, wish: Wish) -> AvatarFields:
         """The person as fields; whom a text describes keeps the whole variety."""
         if not wish.text:
             return self.sampler.sample(wish.seed, wish.truncation)
