@@ -159,6 +159,16 @@ def test_what_these_people_lack_has_its_nearest_in_its_place(people):
         understand("a full beard", {name: values for name, values in had.items() if name != "beard"})
 
 
+def test_what_no_coat_goes_over_is_left_out_and_the_coat_is_worn(people):
+    person = drawn(people, 0, "an old man in a grey coat, a striped shirt and brown shoes")
+    facts = dict(person.info.facts)
+    assert facts["outer"] == "coat" and facts["outer_color"] == "grey" and facts["shoes_color"] == "brown"
+    assert "shirt: it does not go under a coat" in str(facts["left_out"])
+    close = dict(drawn(people, 0, "a woman in a red coat, a white t-shirt and jeans").info.facts)
+    assert (close["outer"], close["top"], close["bottom"]) == ("coat", "t-shirt", "jeans")
+    assert "left_out" not in close
+
+
 def test_the_paper_s_people_take_words_too():
     had = {name: set(values) for name, values in VALUES.items()}
     told = understand("a bearded man in a navy turtleneck and jeans", had)

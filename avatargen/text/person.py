@@ -17,6 +17,8 @@ from avatargen.text.wishes import ANY_COLOUR, Value, Wish, Wishes
 from avatargen.wardrobe.choosing import ANY, HEIGHT, SHOWN, VALUES, Traits, shown, traits_of
 
 MOST_WORDS = 200
+COAT = "coat"
+BENEATH = ((), ("top",), ("bottom",), ("top", "bottom"))  # what may be left out under one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,10 +63,44 @@ def drawn(
     given = {**told.traits.given(), **chosen}
     if own is not None and isinstance(sampler, Having):
         given = {"gender": own["gender"]} | given  # a skirt alone changes nobody's sex
-    avatar = sampler.sample(seed, traits=traits_of(given), wear=wear)
-    said = [("text", text), ("understood", told.understood), ("left_out", "; ".join(told.left_out))]
+    avatar, left_out = together(sampler, seed, given, chosen, wear)
+    said = [
+        ("text", text),
+        ("understood", told.understood),
+        ("left_out", "; ".join((*told.left_out, *left_out))),
+    ]
     info = replace(avatar.info, said=tuple((name, words) for name, words in said if words))
     return replace(avatar, info=info)
+
+
+def together(
+    sampler: Sampler,
+    seed: int,
+    given: Mapping[str, Value],
+    chosen: Collection[str],
+    wear: Mapping[str, int] | None,
+) -> tuple[Avatar, list[str]]:
+    """The person in all that is given, or without what does not go under the coat, but for what was chosen
+    besides; and a line for each garment that is left out.
+
+    Raises:
+        InputError: nobody is like that all the same.
+    """
+    refused: InputError | None = None
+    for out in BENEATH if given.get("outer") == COAT else BENEATH[:1]:
+        of_out = [name for name in given if name.removesuffix("_color") in out]
+        of_out += [name for name in ("pattern", "pattern_color") if "top" in out and name in given]
+        if not set(of_out) & set(chosen):
+            try:
+                rest = {name: value for name, value in given.items() if name not in of_out}
+                avatar = sampler.sample(seed, traits=traits_of(rest), wear=wear)
+                return avatar, [
+                    f"{given[name]}: it does not go under a coat" for name in out if name in given
+                ]
+            except InputError as error:
+                refused = refused or error
+    assert refused is not None, "what was tried was refused"
+    raise refused
 
 
 def facts_of(avatar: Avatar) -> dict[str, Value]:
