@@ -25,7 +25,7 @@ from avatargen.data.units import DEPTH_UNIT
 from avatargen.errors import InputError
 from avatargen.generator.picture import Picture
 from avatargen.ranges import MANY, require_ranges
-from avatargen.training.picture_model import Asked, PictureModel
+from avatargen.training.picture_model import PictureModel, to_look_at
 
 TURN = 30.0  # degrees between two views of a person
 CHUNK = 16  # people asked for at a time
@@ -176,17 +176,7 @@ def ask(
             mask=nothing.astype(np.uint8),
         )
     device = next(model.parameters()).device
-    z, mapped, camera, pose, betas = (part[:n].to(device) for part in (z, mapped, camera, pose, betas))
-    asked = Asked(
-        z=z,
-        other_z=z,
-        crossover=0,
-        camera=camera,
-        mapped_camera=mapped,
-        pose=pose,
-        betas=betas,
-        seeds=None,
-    )
+    asked = to_look_at(*(part[:n].to(device) for part in (z, mapped, camera, pose, betas)))
     with torch.no_grad():
         return in_eight_bits(model.generate(asked).picture)
 

@@ -28,7 +28,6 @@ FEET = re.compile(
     r"(?:(\d{1,2}) ?(?:in(?:ch(?:es)?)?\b|\"|''|(?=\s|,|$)))?(?: tall)?"
 )
 DESCRIBED = ("garment", "colour", "of", "part", "say", "person")  # kinds of items
-CHILDREN = "children are none of the people that are made"
 
 
 @dataclass(frozen=True, kw_only=True)

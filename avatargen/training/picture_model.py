@@ -36,6 +36,26 @@ class Asked:
     room: Room | None = None  # what `PictureModel.survey` found of a set that these labels are from
 
 
+def to_look_at(
+    z: Float[Tensor, "B Z"],
+    mapped_camera: Float[Tensor, "B 25"],
+    camera: Float[Tensor, "B 25"],
+    pose: Float[Tensor, "B J 3"],
+    betas: Float[Tensor, "B b"],
+) -> Asked:
+    """Pictures that nothing is learned from: no styles are mixed, and nothing is drawn along rays."""
+    return Asked(
+        z=z,
+        other_z=z,
+        crossover=0,
+        camera=camera,
+        mapped_camera=mapped_camera,
+        pose=pose,
+        betas=betas,
+        seeds=None,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Generated:
     """Pictures, and the model's own losses on the people in them, weighted, by the names of the log.

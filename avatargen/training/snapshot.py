@@ -13,7 +13,7 @@ from torch import Tensor
 
 from avatargen.atomic import write_atomically
 from avatargen.data.dataset import Pictures
-from avatargen.training.picture_model import Asked, PictureModel
+from avatargen.training.picture_model import PictureModel, to_look_at
 
 Board = Callable[[dict[str, float | int]], None]  # takes numbers by name, `images` among them
 PEOPLE, LABELS = 4, 6  # rows and columns
@@ -29,16 +29,7 @@ def picture_grid(model: PictureModel, pictures: Pictures, device: torch.device, 
     rows = []
     for one in z:
         many = one.expand(LABELS, -1).to(device)
-        asked = Asked(
-            z=many,
-            other_z=many,
-            crossover=0,
-            camera=camera,
-            mapped_camera=camera,
-            pose=pose,
-            betas=betas,
-            seeds=None,
-        )
+        asked = to_look_at(many, camera, camera, pose, betas)
         rows.append(model.generate(asked).picture.image)
     path.parent.mkdir(exist_ok=True)
     stream = io.BytesIO()

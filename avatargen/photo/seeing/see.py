@@ -17,7 +17,6 @@ from avatargen.photo.sighting import Sighting
 
 LEAST_SCORE = 0.75  # of the landmark network, under which what is seen is no person
 LEAST_SPAN = 60  # pixels of a person who can be told
-LEAST_COVER = 0.35  # of a person's landmarks, that must lie where the person is seen
 TO_OURS = np.array([1.0, -1.0, -1.0])
 
 
