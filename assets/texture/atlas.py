@@ -76,52 +76,10 @@ class Atlas:
             )
 
 
-class ChartProgram:
-    """xatlas in a process of its own, for one atlas; leaving the context ends it.
-
-    It takes a tenth of a second to start, so those who will need it may start it ahead.
-    """
-
-    def __init__(self) -> None:
-        command = [sys.executable, "-P", str(charts_program.__file__)]
-        pipe = subprocess.PIPE
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # more take time to start and have no work
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment)
-
-    def __enter__(self) -> "ChartProgram":
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.process.kill()
-        with self.process:  # closes the pipes, and waits
-            pass
-
-    def run(self, arrays: dict[str, np.ndarray], time_limit: float) -> dict[str, np.ndarray]:
-        """Charts of meshes; arrays as in `assets.texture.charts`.
-
-        Raises:
-            SubprocessError: it crashed or ran out of time (seconds).
-        """
-        stream = io.BytesIO()
-        np.savez(stream, **arrays)  # pyright: ignore
-        out, errors = self.process.communicate(stream.getvalue(), timeout=time_limit)
-        if self.process.returncode:
-            raise subprocess.CalledProcessError(
-                self.process.returncode, self.process.args, output=out, stderr=errors
-            )
-        with np.load(io.BytesIO(out)) as file:
-            return {name: file[name] for name in file.files}
-
-
-def unwrap(
-    surface: Surface,
-    parts: Int64[np.ndarray, " F"],
-    config: AtlasConfig | None = None,
-    program: ChartProgram | None = None,
-) -> Atlas:
+def unwrap(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig | None = None) -> Atlas:
     """Charts that do not cross from one part to another, at one density but for the parts' scales.
 
-    `parts` has a label for each face; `program` may have been started already, and ends with this.
+    `parts` has a label for each face.
 
     Raises:
         GeometryError: parts that do not fit the faces.
@@ -132,15 +90,39 @@ def unwrap(
             f"atlas: {len(parts)} part labels for {len(surface.faces)} faces; give one a face"
         )
     try:
-        with program or ChartProgram() as running:
-            return chart_atlas(surface, parts, config, running)
+        return chart_atlas(surface, parts, config)
     except (GeometryError, subprocess.SubprocessError) as error:
         return plain_atlas(surface, parts, config, reason=str(error))
 
 
-def chart_atlas(
-    surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig, program: ChartProgram
-) -> Atlas:
+def run_xatlas(arrays: dict[str, np.ndarray], time_limit: float) -> dict[str, np.ndarray]:
+    """Charts of meshes, by a process of its own; arrays as in `assets.texture.charts`.
+
+    It works in threads, and a machine may run short of memory: a crash that does not come again costs a
+    second run and no charts.
+
+    Raises:
+        SubprocessError: it crashed twice or ran out of time (seconds).
+    """
+    command = [sys.executable, "-P", str(charts_program.__file__)]
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # more take time to start and have no work
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)  # pyright: ignore
+
+    def run() -> subprocess.CompletedProcess[bytes]:
+        return subprocess.run(
+            command, input=stream.getvalue(), capture_output=True, timeout=time_limit, env=environment
+        )
+
+    done = run()
+    if done.returncode:
+        done = run()
+    done.check_returncode()
+    with np.load(io.BytesIO(done.stdout)) as file:
+        return {name: file[name] for name in file.files}
+
+
+def chart_atlas(surface: Surface, parts: Int64[np.ndarray, " F"], config: AtlasConfig) -> Atlas:
     """xatlas's charts, one mesh a part.
 
     Raises:
@@ -155,7 +137,7 @@ def chart_atlas(
         mesh = compact(surface.vertices, surface.faces[faces])
         arrays[f"positions_{index}"] = (mesh.vertices * scale).astype(np.float32)
         arrays[f"faces_{index}"] = mesh.faces.astype(np.uint32)
-    result = program.run(arrays, config.time_limit * max(1.0, len(parts) / 10_000))
+    result = run_xatlas(arrays, config.time_limit * max(1.0, len(parts) / 10_000))
     for index, faces in enumerate(rows):
         found = len(result[f"faces_{index}"])
         if found != len(faces):
