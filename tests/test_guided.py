@@ -21,7 +21,7 @@ from assets.skin.attach import attach
 from assets.skin.skin import SkinConfig, skin_attached
 from assets.texture.atlas import Atlas, AtlasConfig, uv_areas
 from assets.texture.bake import cover_texels
-from assets.texture.pattern import HEAD, MOST_SIDES, NAMES, find_pattern, parts_of_joints
+from assets.texture.pattern import HEAD, MOST_SIDES, NAMES, find_pattern, parts_of_joints, texel_scale
 from assets.texture.seams import components
 from assets.texture.stretch import measure_atlas
 from avatargen.body.model import canonical_body
@@ -69,7 +69,7 @@ class TestPeople:
     def test_few_islands_and_much_of_the_texture_is_used(self, who):
         surface, atlas = surface_of(who), made(who)
         pattern = find_pattern(surface, sampled(0).body)
-        density = np.where(pattern.detailed, CONFIG.head_detail, 1.0)
+        density = texel_scale(pattern.detail, CONFIG.head_detail)
         found = measure_atlas(surface, atlas, density)
         assert found.islands == len(np.unique(islands(atlas))) <= 40
         assert found.used > 0.57

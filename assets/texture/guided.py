@@ -8,8 +8,8 @@ from assets.mesh.surface import Surface
 from assets.texture.atlas import Atlas, AtlasConfig, check_atlas
 from assets.texture.flat_cut import FlatCut
 from assets.texture.pack import Outline, pack
-from assets.texture.pattern import HEAD, MOST_SIDES, NAMES, Pattern
-from assets.texture.tailor import lay_flat
+from assets.texture.pattern import HEAD, MOST_SIDES, NAMES, Pattern, texel_scale
+from assets.texture.tailor import detail_of_charts, lay_flat
 from avatargen.compiled import compiled
 
 TINY = 1e-30
@@ -19,7 +19,7 @@ TURNS = 30  # of a quarter turn among which the one with the smallest box is loo
 
 def guided_atlas(surface: Surface, pattern: Pattern, config: AtlasConfig, head_detail: float) -> Atlas:
     """The panels, flat and packed as seen from outside, the face upright; along a line on the head there are
-    so many times as many texels.
+    so many times as many texels, and more on the face.
 
     Raises:
         GeometryError: a panel does not lie flat, or the charts have no room.
@@ -27,8 +27,7 @@ def guided_atlas(surface: Surface, pattern: Pattern, config: AtlasConfig, head_d
     flat = lay_flat(surface, pattern)
     if flat.cut.count > MOST_CHARTS:
         raise GeometryError(f"atlas: {flat.cut.count} charts would be needed")
-    scale = np.ones(flat.cut.count)
-    scale[flat.cut.chart[pattern.detailed]] = head_detail
+    scale = texel_scale(detail_of_charts(pattern, flat.cut), head_detail)
     face = np.zeros(flat.cut.count, dtype=bool)
     on_face = np.bincount(flat.cut.chart[pattern.panel == MOST_SIDES * NAMES.index(HEAD)])
     if len(on_face):  # of some hundred faces a head may be too few for a panel

@@ -45,6 +45,7 @@ NEEDED = (
 ACROSS = ("thumb", "index", "middle", "ring", "pinky")
 MOST_SIDES = 3
 UP = np.array([0, 1.0, 0])
+FACE_DETAIL = 1.75  # texels along a line on the face for one on the rest of the head: eyes are small
 SMALLEST = 40  # faces of a region of its own
 MINE = 0.5  # share of a part in the weights of a body's vertex that counts as its own
 SIDEWAYS = 0.9  # of a normal along x where a side seam may run
@@ -71,8 +72,13 @@ class Pattern:
     price: Float64[np.ndarray, " V"]  # of a seam's length, 1 or more
     hinges: tuple[Int64[np.ndarray, " _"], ...]  # edges at one of which two panels hang together
     whole: Bool[np.ndarray, " F"]  # hands and face, which are to stay in one piece
-    detailed: Bool[np.ndarray, " F"]  # on the head, whose texels are finer
+    detail: Int64[np.ndarray, " F"]  # how fine texels are to be: on the body, the head, the face
     finger: Int64[np.ndarray, " F"]  # of a hand, from 1 on across it; 0 for none
+
+
+def texel_scale(detail: Int64[np.ndarray, " N"], head_detail: float) -> Float64[np.ndarray, " N"]:
+    """Texels along a line for one on the body, of faces or charts."""
+    return np.array([1.0, head_detail, FACE_DETAIL * head_detail])[detail]
 
 
 def find_pattern(surface: Surface, body: CanonicalBody) -> Pattern:
@@ -117,7 +123,7 @@ def find_pattern(surface: Surface, body: CanonicalBody) -> Pattern:
         hinges=fit.hinges(panel, twin),
         finger=fingers_of(surface, skin, body),
         whole=np.isin(panel, [MOST_SIDES * NAMES.index(HEAD), *(each for pair in slender for each in pair)]),
-        detailed=sides // MOST_SIDES == NAMES.index(HEAD),
+        detail=np.where(sides // MOST_SIDES == NAMES.index(HEAD), 1 + (sides % MOST_SIDES == 0), 0),
     )
 
 

@@ -5,7 +5,7 @@ third of its size, as a bun does, becomes a panel of its own. A chart that would
 the shortest seam between what lies over each other; a hand, whose fingers do, is laid flat again as if it
 were thinner. What is left then, as of ragged hems and braids, is broken up into small patches
 (`assets.texture.patches`), down to single faces. Those that have room beside a neighbour are hung onto it in
-the end (`assets.texture.hang`).
+the end (`assets.texture.join`).
 
 Letters: V vertices of the surface, W vertices after the seams have split them, F faces, C charts, N some of
 them.
@@ -73,10 +73,16 @@ def lay_flat(surface: Surface, pattern: Pattern) -> FlatCut:
     flat = polished(surface, flat)
     alone = broken_up(surface, flat, pattern, 0.0, 1)
     flat = lay_afresh(surface, replace(pattern, panel=alone), thickness, flat, alone != pattern.panel)
-    detailed = np.bincount(flat.cut.chart, pattern.detailed) > 0
-    flat = join_small(surface, flat, pattern.twin, detailed.astype(np.int64))
+    flat = join_small(surface, flat, pattern.twin, detail_of_charts(pattern, flat.cut))
     check_flat(surface, flat)
     return flat
+
+
+def detail_of_charts(pattern: Pattern, cut: Cut) -> Int64[np.ndarray, " C"]:
+    """How fine texels are to be in each chart: as its most detailed face asks."""
+    detail = np.zeros(cut.count, dtype=np.int64)
+    np.maximum.at(detail, cut.chart, pattern.detail)
+    return detail
 
 
 def broken_up(

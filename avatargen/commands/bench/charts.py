@@ -7,7 +7,7 @@ import numpy as np
 
 from assets.build_config import BuildConfig
 from assets.charting import cut_at_joints, cut_charts
-from assets.texture.pattern import find_pattern
+from assets.texture.pattern import find_pattern, texel_scale
 from assets.texture.stretch import measure_atlas
 from avatargen.avatar import Avatar
 from avatargen.commands.bench.cost import measured
@@ -35,7 +35,7 @@ def measure_charts(avatar: Avatar, config: BuildConfig) -> Iterator[ChartRow]:
     """Both ways on the person's mesh."""
     assert config.faces is not None, "charts are of so many faces"
     surface = default_surface(avatar, config.resolution, config.faces)
-    density = np.where(find_pattern(surface, avatar.body).detailed, config.head_detail, 1.0)
+    density = texel_scale(find_pattern(surface, avatar.body).detail, config.head_detail)
     for way, cut in WAYS.items():
         with measured() as cost:
             atlas = cut(surface, avatar.body, config)
