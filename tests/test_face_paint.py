@@ -76,8 +76,9 @@ def test_light_falls_on_both_eyes_from_the_same_side():
         for at in eyes_at
     ]
     np.testing.assert_allclose(colours[0], colours[1], atol=1e-9)
-    brightest = eyes_at[:, colours[0].sum(axis=1).argmax()] - EYES[:, :3]
-    assert (brightest[:, 0] < -0.001).all() and (brightest[:, 1] > 0.001).all()
+    light = colours[0].sum(axis=1)
+    brightest = eyes_at[:, light > light.max() - 1e-6].mean(axis=1) - EYES[:, :3]
+    assert (brightest[:, 0] < -0.001).all() and (brightest[:, 1] >= 0).all()
 
 
 def test_what_is_no_eye_and_no_brow_stays_as_it_is(feet: Float64[np.ndarray, "N 3"]):

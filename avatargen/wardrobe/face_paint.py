@@ -23,7 +23,9 @@ IRIS_EDGE = 0.37  # of the eyeball's radius
 BROW_SHADE = 0.55  # of the hair's colour
 RIM = 0.3  # of `on_eye`, from which an eye shows
 FADED, DEEPER = 0.5, 0.35  # of the hue of blue and green irises, and of their light: they glow otherwise
-CATCH, CATCH_SIZE = (-0.11, 0.13), 0.06  # of the light on an eye
+CATCH, CATCH_SIZE = (-0.1, 0.04), 0.08  # of the light on an eye, below the upper lid
+WHITE = np.array([0.90, 0.86, 0.84])  # of an eye's white: it is neither as light as paper nor without blood
+CORNER = np.array([0.80, 0.62, 0.58])  # and toward its corners
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +111,7 @@ def lash_share(
     out = (np.abs(foot[:, 0]) - eyes[0, 0]) / eyes[0, 3]
     rim = smooth(on_eye, 0.06, 0.35) * (1 - smooth(on_eye, 0.5, 0.8))
     upper = smooth(above + 0.12 * np.clip(out, -1, 1), -0.06, 0.08)
-    return rim * ((0.45 + 0.5 * lines.lashes) * upper + 0.22 * (1 - upper))
+    return rim * ((0.6 + 0.38 * lines.lashes) * upper + 0.25 * (1 - upper))
 
 
 def lit_eye(
@@ -122,9 +124,12 @@ def lit_eye(
     cool = np.clip((colour[:, 1:].max(axis=1, keepdims=True) - colour[:, :1]) / 0.1, 0, 1)
     out = np.linalg.norm(off, axis=1)
     ring = smooth(out, 0.24, IRIS_EDGE - 0.02) * (1 - smooth(out, IRIS_EDGE, IRIS_EDGE + 0.05))
-    shadow = smooth(off[:, 1], 0.08, 0.42)
+    shadow = smooth(off[:, 1], -0.02, 0.2)
     iris = (1 - smooth(out, IRIS_EDGE - 0.03, IRIS_EDGE + 0.03))[:, None] * cool
     lit = (colour + FADED * cool * (grey - colour)) * (1 - DEEPER * iris)
-    lit *= ((1 - 0.4 * ring) * (1 - 0.4 * shadow))[:, None]
+    lit *= ((1 - 0.4 * ring) * (1 - 0.5 * shadow))[:, None]
+    white = smooth(out, IRIS_EDGE, IRIS_EDGE + 0.06)[:, None]
+    corner = smooth(np.abs(off[:, 0]), 0.45, 0.85)[:, None]
+    lit *= 1 + white * (WHITE + corner * (CORNER - WHITE) - 1)
     catch = 0.85 * (1 - smooth(np.linalg.norm(off - CATCH, axis=1), 0.5 * CATCH_SIZE, CATCH_SIZE))
     return lit + (1 - lit) * catch[:, None]
