@@ -23,6 +23,7 @@ MARGIN = 0.05  # m of the grid around a garment
 ROUNDS = 5  # of conjugate gradients for colours: more make colours of the rainbow where texels jump
 PER_CELL = 4  # points of the surface for each cell that it crosses
 FADED = 1.5  # cells from the surface beyond which a node's colour is hardly seen
+BUSY, FINER = 30.0, 0.6  # dB below which colours are busier than their grid; of its cell, on the finer one
 HELD_OUT = 20_000  # points that say how well it went
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 AROUND = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
@@ -210,8 +211,12 @@ def learn(
 ) -> Learned:
     """Learn a garment."""
     rng = np.random.default_rng(0)
-    volume = learn_volume(truth, cell_of(named, learning), rng)
+    cell = cell_of(named, learning)
+    volume = learn_volume(truth, cell, rng)
     errors = errors_of(volume, truth, rng)
+    if named.kind != "hair" and errors["dB"] < BUSY:
+        volume = learn_volume(truth, FINER * cell, rng)
+        errors = errors_of(volume, truth, rng)
     show(f"{named.name}: " + told(errors))
     config = GarmentConfig(
         name=named.name,

@@ -7,7 +7,8 @@ from jaxtyping import Float64
 
 from avatargen.wardrobe.tailored.curves import Places, Values, above, below, smooth
 from avatargen.wardrobe.tailored.cutting import parted
-from avatargen.wardrobe.tailored.draping import creases, moved_out
+from avatargen.wardrobe.tailored.draping import moved_out
+from avatargen.wardrobe.tailored.folds import of_bottom
 from avatargen.wardrobe.tailored.form import Sheet, to_front
 from avatargen.wardrobe.tailored.painting import Texels, cloth, line, shaded, within
 from avatargen.wardrobe.tailored.tops import sewn
@@ -25,7 +26,7 @@ class Bottom:
     ease: float = 0.004
     wide: float = 0.0  # more of it at the hem
     band: float = 0.035  # of the waist
-    creased: float = 0.0005
+    folded: float = 0.003  # how far folds stand out
     fly: bool = False  # with pockets
     base: tuple[float, float, float] = (0.3, 0.3, 0.32)
 
@@ -44,8 +45,8 @@ def bottom_sheet(bottom: Bottom) -> Sheet:
     sheet = parted(sheet, sheet.at[:, 0])
     band = within(bottom.belt(sheet.at), -1.0, bottom.band, 0.003)
     cuff = within(sheet.at[:, 1] - bottom.hem, -1.0, 0.02, 0.003)
-    crease = creases(sheet.at, (0.1, 0.045, 0.1), 8) * (1 - band.clip(0, 1))
-    return moved_out(sheet, 0.0014 * np.maximum(band, cuff) + bottom.creased * crease)
+    fold = of_bottom(sheet.at, bottom.hem) * (1 - band.clip(0, 1))
+    return moved_out(sheet, 0.0014 * np.maximum(band, cuff) + bottom.folded * fold)
 
 
 def bottom_paint(bottom: Bottom, found: Texels) -> Float64[np.ndarray, "N 3"]:

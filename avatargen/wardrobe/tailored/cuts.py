@@ -16,7 +16,7 @@ BLOUSE = Top(
     ease=0.009,
     waist=0.007,
     cuff=0.004,
-    creased=0.0016,
+    folded=0.0035,
     base=(0.88, 0.86, 0.84),
 )
 SWEATER = Top(
@@ -27,7 +27,7 @@ SWEATER = Top(
     waist=0.008,
     cuff=0.002,
     rib=0.02,
-    creased=0.002,
+    folded=0.0044,
     base=(0.72, 0.66, 0.58),
 )
 HOODIE = Top(
@@ -37,7 +37,7 @@ HOODIE = Top(
     ease=0.014,
     waist=0.01,
     cuff=0.003,
-    creased=0.0025,
+    folded=0.0055,
     base=(0.45, 0.47, 0.5),
 )
 POLO = Top(
@@ -47,7 +47,7 @@ POLO = Top(
     ease=0.01,
     waist=0.009,
     cuff=0.01,
-    creased=0.0014,
+    folded=0.0031,
     base=(0.2, 0.28, 0.42),
 )
 SHIRT = Top(
@@ -57,7 +57,7 @@ SHIRT = Top(
     ease=0.011,
     waist=0.01,
     cuff=0.004,
-    creased=0.0018,
+    folded=0.004,
     base=(0.8, 0.82, 0.86),
 )
 CREW = Top(
@@ -67,7 +67,7 @@ CREW = Top(
     ease=0.009,
     waist=0.008,
     cuff=0.012,
-    creased=0.0014,
+    folded=0.0031,
     base=(0.84, 0.84, 0.84),
 )
 PULLOVER = Top(
@@ -78,7 +78,7 @@ PULLOVER = Top(
     waist=0.01,
     cuff=0.002,
     rib=0.022,
-    creased=0.002,
+    folded=0.0044,
     base=(0.36, 0.4, 0.46),
 )
 DRESS = Dress(
@@ -102,7 +102,7 @@ COAT = Coat(
             ease=0.019,
             waist=0.004,
             cuff=0.006,
-            creased=0.002,
+            folded=0.0044,
             base=(0.66, 0.54, 0.4),
         ),
         fall=Fall(top=0.18, hem=-0.42, ease=0.026, flare=0.1, flares=0.1, folds=9, deep=0.006),
@@ -120,7 +120,7 @@ PEACOAT = Coat(
             ease=0.02,
             waist=0.006,
             cuff=0.006,
-            creased=0.002,
+            folded=0.0044,
             base=(0.25, 0.26, 0.3),
         ),
         fall=Fall(top=0.16, hem=-0.11, ease=0.026, flare=0.04, flares=0.03, folds=7, deep=0.003),
@@ -142,7 +142,7 @@ JEANS = Bottom(
     hem=-0.87,
     ease=0.005,
     wide=0.003,
-    creased=0.0014,
+    folded=0.0031,
     fly=True,
     base=(0.24, 0.33, 0.47),
 )
@@ -152,12 +152,12 @@ SHORTS = Bottom(
     hem=-0.23,
     ease=0.006,
     wide=0.013,
-    creased=0.001,
+    folded=0.0022,
     fly=True,
     base=(0.36, 0.45, 0.58),
 )
 CHINOS = Bottom(
-    waist=0.11, dip=0.012, hem=-0.42, ease=0.009, wide=0.016, creased=0.0012, fly=True, base=(0.6, 0.53, 0.42)
+    waist=0.11, dip=0.012, hem=-0.42, ease=0.009, wide=0.016, folded=0.0026, fly=True, base=(0.6, 0.53, 0.42)
 )
 SKIRT = Fall(top=0.165, hem=-0.43, ease=0.006, flare=0.24, flares=0.04, folds=11, deep=0.012)
 PLEATED = Fall(top=0.165, hem=-0.27, ease=0.006, flare=0.36, flares=0.0, folds=26, deep=0.009, sharp=True)

@@ -105,16 +105,3 @@ def normals_of(sheet: Sheet) -> Float64[np.ndarray, "V 3"]:
 def moved_out(sheet: Sheet, by: Float64[np.ndarray, " V"]) -> Sheet:
     """A sheet moved along its normals by metres: ribs, bands, creases."""
     return replace(sheet, vertices=sheet.vertices + by[:, None] * normals_of(sheet))
-
-
-def creases(
-    at: Float64[np.ndarray, "V 3"], wave: tuple[float, float, float], seed: int
-) -> Float64[np.ndarray, " V"]:
-    """Soft creases in -1..1: waves of metres along x, y and z, bent so that none is straight."""
-    rng = np.random.default_rng(seed)
-    bent = at + 0.012 * np.sin(at[:, [1, 2, 0]] * rng.uniform(18, 30, 3) + rng.uniform(0, 6, 3))
-    total = np.zeros(len(at))
-    for _ in range(7):
-        pitch = 2 * np.pi / (np.array(wave) * rng.uniform(0.7, 1.5, 3)) * rng.choice([-1, 1], 3)
-        total += np.sin(bent @ pitch + rng.uniform(0, 2 * np.pi))
-    return np.tanh(total / 2.6)

@@ -8,11 +8,13 @@ from jaxtyping import Float64
 
 from avatargen.wardrobe.tailored.curves import Places, Values, above, armscye, neckline, sleeve, smooth
 from avatargen.wardrobe.tailored.cutting import cut, parted
-from avatargen.wardrobe.tailored.draping import creases, draped, moved_out
+from avatargen.wardrobe.tailored.draping import draped, moved_out
+from avatargen.wardrobe.tailored.folds import of_top
 from avatargen.wardrobe.tailored.form import Sheet, to_front, whole_form
 from avatargen.wardrobe.tailored.painting import Texels, cloth, line, shaded, within
 
 ROUGH, FINE = 26, 3  # rounds of draping
+LOOSE = 120  # of them for what hangs from the shoulders: it spans what is hollow
 CLOSER = 0.4  # share of ease that edges have less
 OVER = 0.005  # m more below the waist, over what is worn there
 AROUND = 0.03  # m of the form beyond a pattern's curves that is draped with it
@@ -48,7 +50,7 @@ class Top:
     waist: float = 0.004  # more of it at the waist
     cuff: float = 0.008  # more of it at a sleeve's end
     rib: float = 0.016  # width of the band around the neck
-    creased: float = 0.0008  # depth of creases
+    folded: float = 0.003  # how far folds stand out
     base: tuple[float, float, float] = (0.8, 0.8, 0.8)
 
     def neckline(self, at: Places) -> Values:
@@ -76,14 +78,14 @@ def hole(at: Places) -> Values:
 
 def top_sheet(top: Top, *, ends_below: bool = True) -> Sheet:
     """A top's cloth, with raised bands around its neck and at its ends; at the hem where it `ends_below`."""
-    sheet = sewn((top.neckline, lambda at: above(at, top.hem), top.ends), top.eased)
+    sheet = sewn((top.neckline, lambda at: above(at, top.hem), top.ends), top.eased, LOOSE)
     sheet = panelled(sheet)
-    crease = creases(sheet.at, (0.09, 0.05, 0.09), 3)
+    fold = of_top(sheet.at, top.sleeve, top.hem)
     band = within(top.neckline(sheet.at), -1.0, top.rib, 0.003) + within(
         top.ends(sheet.at), -1.0, 0.018, 0.003
     )
     hem = within(sheet.at[:, 1] - top.hem, -1.0, 0.02, 0.003) * ends_below
-    return moved_out(sheet, 0.0012 * np.maximum(band, hem) + top.creased * crease * (1 - band.clip(0, 1)))
+    return moved_out(sheet, 0.0012 * np.maximum(band, hem) + top.folded * fold * (1 - band.clip(0, 1)))
 
 
 def top_paint(top: Top, found: Texels) -> Float64[np.ndarray, "N 3"]:
