@@ -38,7 +38,15 @@ FACE_SHAPES = (
 SPREAD, MOST = 0.6, 2.0  # standard deviation and most of a feature's share
 SPREADS = {"smile": 0.35, "brows": 0.35, "eye_size": 0.4, "chin": 0.5}  # of some
 # what people have more of than the body's template: it looks stern, and its chin recedes
-OF_ALL = {"chin": 0.8, "eye_size": 0.5, "nose": -0.2, "nose_width": -0.3, "smile": 1.0, "brows": 0.6}
+OF_ALL = {
+    "chin": 0.8,
+    "eye_size": 1.2,
+    "nose": -0.2,
+    "nose_width": -0.3,
+    "smile": 1.0,
+    "brows": 0.6,
+    "mouth": 0.7,
+}
 # what women have more of than that and men less
 OF_WOMEN = {
     "jaw": -0.7,
