@@ -48,8 +48,8 @@ def rig(textured: TexturedAsset, draft: Draft) -> Asset:
     body, config, welded = draft.body, draft.config, draft.charted.vertex_map
     asset = Asset(
         **vars(textured),
-        joints=draft.skin.joints[welded],
-        weights=draft.skin.weights[welded],
+        joints=draft.moved.joints[welded],
+        weights=draft.moved.weights[welded],
         skeleton=Skeleton(
             joint_names=body.joint_names,
             parents=body.parents,
@@ -71,7 +71,9 @@ def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:
 def make_morphs(draft: Draft) -> tuple[Morph, ...]:
     """The body's shape directions as sliders of the split mesh."""
     betas, rotations = draft.avatar.betas, draft.rotations
-    sliders = beta_sliders(draft.surface, draft.skin, draft.attachment, draft.body, betas, rotations)
+    sliders = beta_sliders(
+        draft.surface, draft.skin, draft.attachment, draft.body, betas, rotations, draft.moved
+    )
     return tuple(
         Morph(
             name=slider.name,

@@ -25,7 +25,8 @@ from avatargen.body.model import CanonicalBody
 from avatargen.body.pose import named_pose
 from avatargen.errors import InputError
 
-Follow = Callable[[Surface, Skin, Carrier], tuple[Skin, Carrier]]
+# of a surface, its weights and attachment, and whether these are the weights from the T-pose on
+Follow = Callable[[Surface, Skin, Carrier, bool], tuple[Skin, Carrier]]
 
 
 @dataclass(kw_only=True)
@@ -45,7 +46,8 @@ class Draft:
     cleaning: Cleaning = field(init=False)
     surface: Surface = field(init=False)  # canonical: cleaned, then simplified, then laid on the field
     attachment: Carrier = field(init=False)
-    skin: Skin = field(init=False)
+    skin: Skin = field(init=False)  # to the T-pose
+    moved: Skin = field(init=False)  # and from there on
     error: SurfaceError = field(init=False)
     missed: SurfaceError | None = None
     rest: RestMesh = field(init=False)

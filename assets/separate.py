@@ -187,11 +187,17 @@ def finish(
 
 
 def beneath(
-    outer: Sequence[tuple[Layer, Draft]], surface: Surface, skin: Skin, attachment: Carrier
+    outer: Sequence[tuple[Layer, Draft]], surface: Surface, skin: Skin, attachment: Carrier, moved: bool
 ) -> tuple[Skin, Carrier]:
-    """A surface's weights and attachment where others, the outermost first, hide some of it."""
+    """A surface's weights, with `moved` those from the T-pose on, and attachment where others, the outermost
+    first, hide some of it."""
     above = [
-        Above(surface=draft.surface, skin=draft.skin, attachment=draft.attachment, share=share)
+        Above(
+            surface=draft.surface,
+            skin=draft.moved if moved else draft.skin,
+            attachment=draft.attachment,
+            share=share,
+        )
         for layer, draft in outer
         if (share := layer.cover(surface.vertices)).any()
     ]

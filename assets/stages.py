@@ -14,6 +14,7 @@ from assets.simplify.reduce import reduce, refit
 from assets.simplify.simplify import SimplifyConfig
 from assets.simplify.simplify import simplify as simplify_surface
 from assets.skin.attach import attach
+from assets.skin.hang import hang
 from assets.skin.rest import to_rest
 from assets.skin.skin import SkinConfig, skin_attached
 from assets.texture.bake import BakeConfig, bake_texture
@@ -65,12 +66,15 @@ def fit(draft: Draft) -> None:
 
 
 def skin(draft: Draft) -> None:
+    """Weights to the T-pose, and from there on; what is hidden has those of what hides it."""
     draft.attachment = attachment = attach(draft.surface, draft.body)
     # a garment is filled at each of its ends, and smoothed around them sleeves would leave their arms
     config = SkinConfig() if draft.follow is None else SkinConfig(smoothing_rounds=PART_ROUNDS)
     draft.skin = skin_attached(attachment, draft.body, config)
+    draft.moved = hang(draft.skin, draft.surface, draft.body)
     if draft.follow is not None:
-        draft.skin, draft.attachment = draft.follow(draft.surface, draft.skin, attachment)
+        draft.moved, _ = draft.follow(draft.surface, draft.moved, attachment, True)
+        draft.skin, draft.attachment = draft.follow(draft.surface, draft.skin, attachment, False)
 
 
 def measure(draft: Draft) -> None:
@@ -82,7 +86,14 @@ def measure(draft: Draft) -> None:
 def rest(draft: Draft) -> None:
     betas, on_ground = draft.avatar.betas, draft.config.on_ground
     draft.rest = to_rest(
-        draft.surface, draft.skin, draft.attachment, draft.body, betas, draft.rotations, on_ground
+        draft.surface,
+        draft.skin,
+        draft.attachment,
+        draft.body,
+        betas,
+        draft.rotations,
+        on_ground,
+        draft.moved,
     )
 
 

@@ -13,13 +13,16 @@ from avatargen.body.load import load_body
 from avatargen.body.model import canonical_body
 from avatargen.commands import main
 from avatargen.errors import FieldError
+from avatargen.metrics.judges import BUILT_IN
 from avatargen.metrics.likeness import (
     FieldLikeness,
+    before_grey,
     by_pattern,
     correlation,
     field_likeness,
     picture_likeness,
 )
+from avatargen.metrics.realism import realism, squared
 from avatargen.training.pool import make_pool
 from avatargen.wardrobe import MARKS
 from avatargen.wardrobe.chart import Chart
@@ -80,6 +83,28 @@ def test_pictures_are_compared_where_either_shows_the_person():
         picture_likeness("front", picture * 0, picture * 0)
 
 
+def test_as_sets_the_same_people_are_as_far_off_as_their_own_and_others_farther():
+    rng = np.random.default_rng(3)
+
+    def picture(light: float) -> np.ndarray:
+        found = np.zeros((60, 40, 4), np.uint8)
+        found[8:52, 10:30] = 255 * light * rng.uniform(0.8, 1, (44, 20, 1))
+        found[8:52, 10:30, 3] = 255
+        return found
+
+    truth = [picture(light) for light in rng.uniform(0.3, 0.6, 12)]
+    squares = squared(truth[0])
+    assert squares.shape == (3, 224, 224) and float(squares[:, 0, 0].mean()) == pytest.approx(0.5)
+    wanted = before_grey(truth[0]).mean(axis=(0, 1)) * 2 / 3 + 0.5 / 3  # a third of the square is beside it
+    assert np.abs(squares.mean(dim=(1, 2)).numpy() - wanted).max() < 1e-3
+    for numbers in realism(BUILT_IN, truth, truth).values():
+        assert numbers["learned"] == numbers["wardrobe"] is not None
+    bright = [picture(light) for light in rng.uniform(0.8, 1.0, 12)]
+    for numbers in realism(BUILT_IN, bright, truth).values():
+        made, own = numbers["learned"], numbers["wardrobe"]
+        assert made is not None and own is not None and made.low > own.high
+
+
 def test_patterns_are_averaged_where_they_are_seen():
     def person(pattern: str, found: float | None) -> FieldLikeness:
         return FieldLikeness(seed=0, sdf_mm=0.1, colour_l1=0.1, pattern=pattern, correlation=found)
@@ -101,6 +126,7 @@ def test_the_command_writes_what_it_measured(
     assert main.main(words) == 0
     found = json.loads(out.read_text())
     assert {"sdf_mm", "colour_l1", "picture_psnr_db", "picture_ssim", "patterns"} <= set(found)
+    assert found["realism"] == {}  # of two people
     assert 0.1 < found["sdf_mm"] < 2 and found["people"] == 2 and len(found["each"]) == 2
     assert str(out) in capsys.readouterr().out
     assert main.main(["eval", "likeness", "--out", str(tmp_path / "x.txt")]) == 2

@@ -25,6 +25,7 @@ from assets.isosurface.extract import GROWTHS, ROOM, trace, trace_whole
 from assets.mesh.surface import Surface, find_defects
 from assets.pipeline import STAGES, plan_for
 from assets.skin.attach import attach
+from assets.skin.hang import hang
 from assets.skin.skin import SkinConfig, skin_attached
 from avatargen.body.distance import BodyDistance
 from avatargen.body.model import CanonicalBody, canonical_body, forward_kinematics, from_rest_joints
@@ -100,7 +101,7 @@ def test_weights_are_those_of_where_the_vertices_end_up():
     asset = built()
     surface = welded_surface(asset, asset.canonical)
     body = stranger().body
-    skin = skin_attached(attach(surface, body), body, SkinConfig())
+    skin = hang(skin_attached(attach(surface, body), body, SkinConfig()), surface, body)
     wanted = skin.dense(len(body.parents))[asset.welded]
     found = np.zeros_like(wanted)
     np.add.at(found, (np.arange(len(found))[:, None], asset.joints), asset.weights)

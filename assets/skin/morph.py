@@ -8,6 +8,7 @@ Letters: V welded vertices, J joints, b betas.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -37,18 +38,21 @@ def beta_sliders(
     body: CanonicalBody,
     betas: Float[np.ndarray, " b"],
     rotations: Float[np.ndarray, "J 3"],
+    moved: Skin | None = None,
 ) -> tuple[Slider, ...]:
-    """A slider named beta_0, beta_1 ... for each of the body's first ten shape directions.
+    """A slider named beta_0, beta_1 ... for each of the body's first ten shape directions; `moved` are the
+    weights from the T-pose on where they are others.
 
     Raises:
         InputError: betas or rotations that do not fit the body.
     """
     own = np.zeros(body.source.shapedirs.shape[2])
     own[: len(betas)] = betas
-    before = to_rest(surface, skin, attachment, body, own, rotations, on_ground=False)
+    place = partial(to_rest, surface, skin, attachment, body, on_ground=False, moved=moved)
+    before = place(betas=own, rotations=rotations)
     sliders = []
     for index, step in enumerate(np.eye(len(own))[:MOST]):
-        after = to_rest(surface, skin, attachment, body, own + step, rotations, on_ground=False)
+        after = place(betas=own + step, rotations=rotations)
         sliders.append(
             Slider(
                 name=f"beta_{index}",

@@ -3,9 +3,9 @@
     canonical pose --inverse skinning--> T-pose, betas 0 --shape and pose offsets--> T-pose, betas
                    --skinning--> rest pose
 
-The same four weights a vertex take it there as take it on in an engine. The rest pose is baked: every
-joint's rest rotation is the identity, so a bind is a translation. Letters: V vertices, J joints, B vertices
-of the body, b betas.
+The same four weights a vertex take it from the T-pose to the rest pose as take it on in an engine. The rest
+pose is baked: every joint's rest rotation is the identity, so a bind is a translation. Letters: V vertices,
+J joints, B vertices of the body, b betas.
 """
 
 from dataclasses import dataclass
@@ -48,10 +48,12 @@ def to_rest(
     betas: Float[np.ndarray, " b"],
     rotations: Float[np.ndarray, "J 3"],
     on_ground: bool = True,
+    moved: Skin | None = None,
 ) -> RestMesh:
     """Bring a canonical surface to the rest pose `rotations` (axis-angle) and the shape `betas`.
 
-    `on_ground` lifts the person until the lowest vertex is at y = 0.
+    `on_ground` lifts the person until the lowest vertex is at y = 0. `moved` are the weights from the T-pose
+    on; by default those that lead there.
 
     Raises:
         InputError: betas or rotations that do not fit the body.
@@ -62,7 +64,8 @@ def to_rest(
     weights = skin.dense(len(body.parents))
     straight = unskin(surface.vertices, weights, canonical.T_posed_rest)
     straight = straight + attachment.carry(offsets(canonical, rest))
-    vertices = skin_points(straight, weights, rest.T_posed_rest)
+    onward = weights if moved is None else moved.dense(len(body.parents))
+    vertices = skin_points(straight, onward, rest.T_posed_rest)
     if not np.isfinite(vertices).all():
         raise GeometryError("rest: vertices end at NaN or infinity; check the betas and the pose")
     lift = np.array([0.0, -vertices[:, 1].min() if on_ground else 0.0, 0.0])

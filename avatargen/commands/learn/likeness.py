@@ -13,11 +13,14 @@ from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from assets.build_config import AvatarFields
     from avatargen.metrics.likeness import FieldLikeness, PictureLikeness
 
 PROGRAM = "avatargen eval likeness"
 VIEWS = ("front", "back", "face")
+Rows = list[list[Any]]  # pictures by view, of the learned person and of the wardrobe's own
 FIRST_SEED = 500_000_000  # training draws its people from small seeds: these it has never seen
 POOL_SEED = 991  # of places that no training has
 
@@ -88,30 +91,30 @@ def run(options: Options) -> None:
     points = make_pool(sampler.body, options.points, POOL_SEED).p
     people: list[tuple[FieldLikeness, list[PictureLikeness]]] = []
     files: list[tuple[Path, bytes]] = []
+    seen: list[Rows] = []
     for seed in range(options.first_seed, options.first_seed + options.people):
         truth, learned = wardrobe.sample(seed), sampler.sample(seed)
         fields, pictures = field_likeness(learned, truth, points), []
         if options.height:
             same_body = replace(learned, betas=truth.betas)
-            pictures, picture = compared(same_body, truth, options.height)
+            pictures, rows = compared(same_body, truth, options.height)
+            seen.append(rows)
             if options.pictures is not None:
-                files.append((options.pictures / f"{seed}.png", encode_png(picture)))
+                files.append((options.pictures / f"{seed}.png", encode_png(laid_out(rows))))
         people.append((fields, pictures))
         print(line_of(fields, pictures), flush=True)
     facts = {"weights_hash": sampler.weights_hash, "people": len(people), "first_seed": options.first_seed}
     if options.pictures is not None:
         options.pictures.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(facts | summary(people), indent=1) + "\n"
+    text = json.dumps(facts | summary(people) | {"realism": as_sets(seen)}, indent=1) + "\n"
     write_together([*files, (options.out, text.encode())])
     print(options.out)
 
 
 def compared(
     learned: "AvatarFields", truth: "AvatarFields", height: int
-) -> "tuple[list[PictureLikeness], Any]":
-    """Both people built and seen by the cameras of the wardrobe's own; and the pictures, learned above."""
-    import numpy as np
-
+) -> "tuple[list[PictureLikeness], Rows]":
+    """Both people built and seen by the cameras of the wardrobe's own; and the pictures, learned first."""
     from assets import BuildConfig, build
     from assets.picture.camera import view_camera
     from assets.picture.preview import PreviewConfig, light_up, render_view
@@ -122,7 +125,32 @@ def compared(
     cameras = [view_camera(assets[1], view) for view in VIEWS]
     rows = [[render_view(lit, camera, config) for camera in cameras] for lit in map(light_up, assets)]
     found = [picture_likeness(view, a, b) for view, a, b in zip(VIEWS, *rows, strict=True)]
-    return found, np.concatenate([np.concatenate(row, axis=1) for row in rows], axis=0)
+    return found, rows
+
+
+def laid_out(rows: Rows) -> "np.ndarray":
+    """One picture of all, learned above."""
+    import numpy as np
+
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows], axis=0)
+
+
+def as_sets(seen: list[Rows]) -> dict[str, Any]:
+    """By view, network and distance how far the learned pictures are from the wardrobe's, and how far its own
+    are from one another; nothing of too few people."""
+    from avatargen.metrics.judges import feature_judges
+    from avatargen.metrics.realism import FEWEST, realism
+
+    found: dict[str, Any] = {}
+    if len(seen) < FEWEST:
+        return found
+    for column, view in enumerate(VIEWS):
+        learned, truth = ([rows[who][column] for rows in seen] for who in (0, 1))
+        for judge in feature_judges():
+            for name, two in realism(judge, learned, truth).items():
+                told = {who: number and asdict(number) for who, number in two.items()}
+                found.setdefault(view, {})[name] = told
+    return found
 
 
 def line_of(fields: "FieldLikeness", pictures: "list[PictureLikeness]") -> str:

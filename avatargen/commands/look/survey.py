@@ -5,15 +5,17 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
 
 from avatargen.commands.line import parse_options, run_command
+from avatargen.errors import InputError
 
 if TYPE_CHECKING:
     from assets import Asset
+    from assets.build_config import AvatarFields
 
 PROGRAM = "avatargen survey"
 COLUMNS = 4  # people side by side on the sheet
@@ -36,18 +38,23 @@ class Options:
     wardrobe: Path | None = None
     """With --from wardrobe: a folder of MakeHuman's assets to wear."""
     height: int = 384
-    """Pixels of each picture."""
+    """Pixels of each picture; 0 leaves the sheets out."""
     files: bool = True
     """Keep the GLB files."""
+    parts: Literal["merged", "separate"] = "merged"
+    """One closed surface, or as --parts separate exports: every part by itself, and how far they come through
+    one another in five poses."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One seed's outcome; errors in millimetres, mesh to field."""
+    """One seed's outcome; errors in millimetres, mesh to field. `handles` are the surface's holes to see
+    through, as between an arm and a hip that touch: 0 is a sphere's."""
 
     seed: int
     faces: int
     closed: bool
+    handles: int
     mean_mm: float
     p99_mm: float
     max_mm: float
@@ -64,88 +71,103 @@ def run(options: Options) -> None:
 
     Raises:
         GeometryError: some seeds could not be built; the others are written all the same.
+        InputError: people who are one field are to be built in parts.
     """
-    from assets import build
     from assets.errors import GeometryError
     from assets.picture.preview import PreviewConfig, render
     from avatargen.atomic import write_atomically
+    from avatargen.commands.look.survey_parts import in_parts, summary_in_parts
     from avatargen.export.people import open_people
     from avatargen.export.request import ExportRequest
     from avatargen.ranges import require_ranges
-    from exporters.glb import encode
 
-    require_ranges(options, "survey", {"first": (0, 2**62), "count": (1, 10**6), "height": (32, 4096)})
+    require_ranges(options, "survey", {"first": (0, 2**62), "count": (1, 10**6)})
+    if not (options.height == 0 or 32 <= options.height <= 4096):
+        raise InputError(f"survey: found height {options.height}, wanted 0 or 32 to 4096")
     request = ExportRequest(
         seeds=options.first, source=options.source, wardrobe=options.wardrobe, weights=options.weights
     )
     people = open_people(request)
     options.out.mkdir(parents=True, exist_ok=True)
+    made, summed = (whole, summary) if options.parts == "merged" else (in_parts, summary_in_parts)
     rows, figures, faces, failed = [], [], [], []
     for seed in range(options.first, options.first + options.count):
-        started = time.perf_counter()
         try:
-            asset = build(people.sample(seed))
+            asset, data, row = made(people.sample(seed))
         except GeometryError as error:
             print(f"seed {seed}: {error}", flush=True)
             failed.append(seed)
             continue
-        data = encode(asset)
-        rows.append(outcome(seed, asset, len(data), time.perf_counter() - started))
-        print(rows[-1], flush=True)
+        rows.append(row)
+        print(row, flush=True)
         if options.files:
             write_atomically(options.out / f"avatar_{seed}.glb", data)
-        figures.append(render(asset, PreviewConfig(height=options.height, views=("front", "back"))))
-        faces.append(render(asset, PreviewConfig(height=options.height, views=("face",))))
+        if options.height:
+            figures.append(render(asset, PreviewConfig(height=options.height, views=("front", "back"))))
+            faces.append(render(asset, PreviewConfig(height=options.height, views=("face",))))
     if rows:
-        write_outcome(options.out, rows, figures, faces)
+        write_outcome(options.out, summed(rows), [asdict(row) for row in rows], figures, faces)
     if failed:
         raise GeometryError(
             f"survey: seeds {failed} of {options.count} could not be built; see the lines above"
         )
 
 
-def write_outcome(out: Path, rows: list[Row], figures: list[np.ndarray], faces: list[np.ndarray]) -> None:
-    """The table and the sheets; prints the summary."""
+def write_outcome(
+    out: Path,
+    found: dict[str, object],
+    rows: list[dict[str, Any]],
+    figures: list[np.ndarray],
+    faces: list[np.ndarray],
+) -> None:
+    """The table, and the sheets of what pictures there are; prints the summary."""
     from assets.picture.sheet import contact_sheet
     from avatargen.atomic import write_atomically
     from exporters.png import encode_png
 
-    write_atomically(out / "survey.json", json.dumps(summary(rows), indent=1).encode() + b"\n")
-    write_atomically(out / "sheet.png", encode_png(contact_sheet(figures, COLUMNS)))
-    write_atomically(out / "faces.png", encode_png(contact_sheet(faces, COLUMNS)))
-    print({name: value for name, value in summary(rows).items() if name != "rows"})
+    text = json.dumps(found | {"rows": rows}, indent=1) + "\n"
+    write_atomically(out / "survey.json", text.encode())
+    for name, pictures in {"sheet.png": figures, "faces.png": faces}.items():
+        if pictures:
+            write_atomically(out / name, encode_png(contact_sheet(pictures, COLUMNS)))
+    print(found)
 
 
-def outcome(seed: int, asset: "Asset", size: int, seconds: float) -> Row:
-    """A row from an asset and its own report."""
-    from assets.mesh.surface import Surface, find_defects
+def whole(avatar: "AvatarFields") -> tuple["Asset", bytes, Row]:
+    """A person as one closed surface, the file of it, and what its own report says."""
+    from assets import build
+    from assets.mesh.surface import euler_number, find_defects
+    from assets.poke import surface_of
+    from exporters.glb import encode
 
-    assert asset.report is not None  # only assets that were not built have neither
-    assert asset.welded is not None
-    vertices = np.zeros((asset.welded.max() + 1, 3))
-    vertices[asset.welded] = asset.vertices
-    error = asset.report.error
-    return Row(
-        seed=seed,
+    started = time.perf_counter()
+    asset = build(avatar)
+    assert asset.report is not None  # only assets that were not built have none
+    data, error, surface = encode(asset), asset.report.error, surface_of(asset)
+    row = Row(
+        seed=avatar.info.seed,
         faces=len(asset.faces),
-        closed=not find_defects(Surface(vertices=vertices, faces=asset.welded[asset.faces])),
+        closed=not find_defects(surface),
+        handles=1 - euler_number(surface) // 2,
         mean_mm=error.mean_mm,
         p99_mm=error.p99_mm,
         max_mm=error.max_mm,
-        bytes=size,
-        seconds=seconds,
+        bytes=len(data),
+        seconds=time.perf_counter() - started,
     )
+    return asset, data, row
 
 
 def summary(rows: list[Row]) -> dict[str, object]:
-    """Means and worst cases over the seeds, and the rows."""
+    """Means and worst cases over the seeds."""
     return {
         "seeds": len(rows),
         "closed": sum(row.closed for row in rows),
+        "without_handles": sum(row.handles == 0 for row in rows),
         "mean_mm": float(np.mean([row.mean_mm for row in rows])),
+        "p99_mm": float(np.mean([row.p99_mm for row in rows])),
         "worst_mean_mm": max(row.mean_mm for row in rows),
         "worst_p99_mm": max(row.p99_mm for row in rows),
         "worst_max_mm": max(row.max_mm for row in rows),
         "median_seconds": float(np.median([row.seconds for row in rows])),
-        "rows": [asdict(row) for row in rows],
     }
