@@ -68,7 +68,7 @@ All else is as avatar-export has it."""
 EDITS = """\
 examples:
   avatargen edit --seed 3 --text "in a red shirt" --out red.glb
-  avatargen edit --seed 3 --text "make her hair grey, and give her a hat" --out grey.glb
+  avatargen edit --seed 3 --text "with black hair and a hat" --out black.glb
   avatargen edit --seeds 0:20 --text "taller, without a jacket" --out tall
 """
 
