@@ -158,7 +158,7 @@ def test_help_names_the_settings_own_defaults(capsys: pytest.CaptureFixture[str]
         (InputError("found a\nmess,  wanted order"), 2, "p: found a mess, wanted order\n"),
         (FieldError("NaN"), 2, "p: NaN\n"),
         (MemoryError(), 2, "p: out of memory; lower --resolution or --texture, or close programs\n"),
-        (KeyboardInterrupt(), 130, "p: interrupted; nothing was written\n"),
+        (KeyboardInterrupt(), 130, "p: interrupted; nothing is half written\n"),
     ],
 )
 def test_what_is_raised_becomes_a_line_and_a_status(

@@ -1,7 +1,7 @@
 """What every command shares: errors as one line on standard error, and exit statuses scripts can rely on.
 
 Status 0: done and whole. 2: bad input, one line says what was found, what was wanted, what to do. 130, 143:
-interrupted or terminated, nothing written.
+interrupted or terminated, nothing half written.
 """
 
 import argparse
@@ -80,7 +80,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
         lack = "out of memory; lower --resolution or --texture, or close programs"
         return complain(program, lack if isinstance(error, MemoryError) else str(error), status=2)
     except KeyboardInterrupt:
-        return complain(program, "interrupted; nothing was written", status=128 + signal.SIGINT)
+        return complain(program, "interrupted; nothing is half written", status=128 + signal.SIGINT)
     except BrokenPipeError:  # the reader of standard output has left; the work is done all the same
         discard_output()
     except Exception as error:
