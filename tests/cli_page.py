@@ -18,7 +18,7 @@ ABOUT = """\
 # The commands"""
 OTHERS = """\
 `avatargen COMMAND --help` tells the options of each. Status 0: done and whole. 2: bad input, in one line on
-standard error. 130 and 143: interrupted or terminated, with nothing written."""
+standard error. 130 and 143: interrupted or terminated, with nothing half written."""
 
 
 def page() -> str:

@@ -143,7 +143,12 @@ def test_two_processes_step_as_one_does(folder: Path):
         subprocess.Popen(command, env=environment | {"RANK": str(rank), "LOCAL_RANK": str(rank)})
         for rank in range(2)
     ]
-    assert [process.wait(timeout=120) for process in processes] == [0, 0]
+    try:
+        assert [process.wait(timeout=600) for process in processes] == [0, 0]
+    finally:  # one that has failed leaves the other waiting
+        for process in processes:
+            process.kill()
+            process.wait()
     states = [torch.load(folder / name / "state.pt", weights_only=True) for name in ("one", "two")]
     for part in ("generator", "discriminator"):
         a, b = (state[part] for state in states)

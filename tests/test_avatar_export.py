@@ -347,7 +347,7 @@ def test_interruption_leaves_what_was_there(
     monkeypatch.setattr(one, stage, interrupt)
     Path("avatar_3.glb").write_bytes(b"mine")
     assert avatar_export.main(["--seed", "3", "--report", "r.json", *model.options]) == 130
-    assert capsys.readouterr() == ("", "avatar-export: interrupted; nothing was written\n")
+    assert capsys.readouterr() == ("", "avatar-export: interrupted; nothing is half written\n")
     assert os.listdir() == ["avatar_3.glb"]
     assert Path("avatar_3.glb").read_bytes() == b"mine"
 

@@ -50,7 +50,7 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ([], "required: --seed"),
+        ([], "found nobody to make; give a seed, as in --seed 3, or --seeds, --text or --photo"),
         (["--seed"], "--seed: expected one argument"),
         (["--seed", "-1"], "--seed"),
         (["--seed", "three"], "found 'three', wanted a whole number from 0 to"),
@@ -80,7 +80,11 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["-1"], "argument SEED: found '-1'"),
         (["3", "5"], "unrecognized arguments: 5"),
         (["3", "--seed", "4"], "found 3 and --seed 4; give one seed"),
-        (["3", "--seeds", "4:6"], "required: --seed, --seeds, --text or --photo, one of them"),
+        (["3", "--seeds", "4:6"], "found --seed with --seeds; give one of them"),
+        (["3", "--height", "tall"], "--height: found 'tall', wanted a positive number such as 1.75m"),
+        (["3", "--height", "175in"], "--height: found '175in'"),
+        (["3", "--height", "300cm"], "height: found 3 m, wanted 1.40 to 2.10 m"),
+        (["3", "--top-color", "gren"], "or #7a1f2b; did you mean green?"),
         (["--seed", "3:5"], "or random; many go to --seeds"),
         (["--seed", "Random"], "found 'Random'"),
         (["random", "--out", "a.fbx"], "found --out a.fbx"),
@@ -154,7 +158,7 @@ def test_help_names_the_settings_own_defaults(capsys: pytest.CaptureFixture[str]
         (InputError("found a\nmess,  wanted order"), 2, "p: found a mess, wanted order\n"),
         (FieldError("NaN"), 2, "p: NaN\n"),
         (MemoryError(), 2, "p: out of memory; lower --resolution or --texture, or close programs\n"),
-        (KeyboardInterrupt(), 130, "p: interrupted; nothing was written\n"),
+        (KeyboardInterrupt(), 130, "p: interrupted; nothing is half written\n"),
     ],
 )
 def test_what_is_raised_becomes_a_line_and_a_status(
@@ -395,7 +399,7 @@ def test_nobody_who_hears_is_no_reason_to_stop(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ([], "found 'nothing', wanted one of: "),
+        ([], "found no command, wanted one of: "),
         (["body"], "found 'body'"),
         (["fly", "home", "x"], "found 'fly home'"),
     ],

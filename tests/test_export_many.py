@@ -211,15 +211,12 @@ def test_the_package_s_own_command_starts_workers(model: Model) -> None:
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["--seeds", "0:4"], "found --seeds, which wants --out FOLDER"),
-        (["--seeds", "0:4", "--out", "a", "--report", "r.json"], "takes neither --report nor --preview"),
+        (["--seeds", "0:4"], "found --seeds without --out; name the folder"),
+        (["--seeds", "0:4", "--out", "a", "--report", "r.json"], "which are for one seed"),
         (["--seeds", "4:4", "--out", "a"], "--seeds: found '4:4', wanted A:B with A < B"),
         (["--seeds", "0:99999999999", "--out", "a"], "at most 1000000 seeds"),
         (["--seeds", "-1:4", "--out", "a"], "--seeds"),
-        (
-            ["--seeds", "0:4", "--seed", "3", "--out", "a"],
-            "required: --seed, --seeds, --text or --photo, one of them",
-        ),
+        (["--seeds", "0:4", "--seed", "3", "--out", "a"], "found --seed with --seeds; give one of them"),
         (["--seed", "3", "--jobs", "2"], "found --jobs with one seed"),
         (["--seeds", "0:4", "--out", "file"], "cannot write file/manifest.jsonl"),
         (["--seeds", "0:4", "--out", "a", "--weights", "none"], "found no file none"),

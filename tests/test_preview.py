@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tube import tube
 
+from assets.asset.names import NAME_PRESETS, rename_joints
 from assets.picture.camera import orbit, view_camera
 from assets.picture.preview import OVERSAMPLING, PreviewConfig, nearest_faces, render, turntable
 from avatargen.errors import InputError
@@ -104,6 +105,23 @@ def test_face_view_is_centred_on_the_head():
     camera = view_camera(named, "face")
     assert camera.centre[1] > named.skeleton.joints[1, 1]
     assert camera.height < view_camera(named, "front").height
+
+
+@pytest.mark.parametrize("preset", NAME_PRESETS)
+def test_face_view_is_the_same_whatever_the_joints_are_called(preset):
+    asset = tube(joint_count=2)
+    named = replace(asset, skeleton=replace(asset.skeleton, joint_names=("pelvis", "head")))
+    ours, theirs = view_camera(named, "face"), view_camera(rename_joints(named, preset), "face")
+    assert np.array_equal(ours.centre, theirs.centre)
+    assert ours.height == theirs.height
+
+
+def test_face_view_of_who_has_no_head_is_the_top_of_the_figure():
+    asset = tube(joint_count=2)
+    picture = render(asset, replace(CONFIG, views=("face",), transparent=True))
+    camera = view_camera(asset, "face")
+    assert camera.centre[[0, 2]] == pytest.approx((asset.vertices.min(0) + asset.vertices.max(0))[[0, 2]] / 2)
+    assert (picture[..., 3] == 255).mean() > 0.1
 
 
 @pytest.mark.parametrize("values", [{"height": 5}, {"height": 10**5}, {"views": ("top",)}, {"views": ()}])

@@ -9,10 +9,12 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from assets.asset.asset import Asset, PlainAsset
+from assets.asset.names import NAME_PRESETS
 
 VIEWS = {"front": 0.0, "quarter": 35.0, "left": 90.0, "back": 180.0, "right": 270.0, "face": 0.0}
 ELEVATION = 6.0  # degrees: enough to see the ground
 MARGIN = 0.05  # of the figure's height, around it
+HEADS = {table.get("head", "head") for table in NAME_PRESETS.values()}  # whatever names the joints have
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +77,10 @@ def face_camera(asset: PlainAsset) -> Camera:
     """The head from the front: from the joint of that name, or the top of the figure where none has it."""
     right, up, towards = turn(0.0, 0.0)
     low, high = asset.vertices.min(axis=0).astype(np.float64), asset.vertices.max(axis=0).astype(np.float64)
-    neck = low + 0.85 * (high - low)
-    if isinstance(asset, Asset) and "head" in asset.skeleton.joint_names:
-        neck = asset.skeleton.joints[asset.skeleton.joint_names.index("head")]
+    neck = low + np.array([0.5, 0.85, 0.5]) * (high - low)
+    if isinstance(asset, Asset):
+        found = [i for i, name in enumerate(asset.skeleton.joint_names) if name in HEADS]
+        neck = asset.skeleton.joints[found[0]] if found else neck
     height = 1.6 * max(high[1] - neck[1], 0.01)
     centre = np.array([neck[0], neck[1] + 0.25 * height, neck[2]])
     return Camera(centre=centre, right=right, up=up, towards=towards, width=0.8 * height, height=height)

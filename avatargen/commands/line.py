@@ -1,7 +1,7 @@
 """What every command shares: errors as one line on standard error, and exit statuses scripts can rely on.
 
 Status 0: done and whole. 2: bad input, one line says what was found, what was wanted, what to do. 130, 143:
-interrupted or terminated, nothing written.
+interrupted or terminated, nothing half written.
 """
 
 import argparse
@@ -28,6 +28,7 @@ Parsed = TypeVar("Parsed")
 RETRY = 0.05  # seconds until a signal that could not end the process comes again
 LARGEST_SEED = 2**63 - 1
 FEWEST_FACES, MOST_FACES = 100, 2_000_000
+PER_METRE = {"mm": 1000, "cm": 100, "m": 1}  # longer names first, as the last letters are looked for
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -79,7 +80,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
         lack = "out of memory; lower --resolution or --texture, or close programs"
         return complain(program, lack if isinstance(error, MemoryError) else str(error), status=2)
     except KeyboardInterrupt:
-        return complain(program, "interrupted; nothing was written", status=128 + signal.SIGINT)
+        return complain(program, "interrupted; nothing is half written", status=128 + signal.SIGINT)
     except BrokenPipeError:  # the reader of standard output has left; the work is done all the same
         discard_output()
     except Exception as error:
@@ -239,16 +240,19 @@ def whole_number(low: int, high: int) -> Callable[[str], int]:
     return parse
 
 
-def quantity(unit: str) -> Callable[[str], float]:
-    """An argument type: a positive number, with or without its unit."""
+def quantity(unit: str, example: str) -> Callable[[str], float]:
+    """An argument type: a positive number, with or without its unit; a length may have another's unit."""
+    known = PER_METRE if unit in PER_METRE else {unit: 1}
 
     def read(text: str) -> float:
+        number = text.strip()
+        behind = next((each for each in known if number.endswith(each)), "")
         try:
-            value = float(text.strip().removesuffix(unit))
+            value = float(number.removesuffix(behind)) * known[unit] / known[behind or unit]
         except ValueError:
             value = 0.0
         if not 0 < value < 1e6:
-            raise argparse.ArgumentTypeError(f"found {text!r}, wanted a positive number such as 0.5{unit}")
+            raise argparse.ArgumentTypeError(f"found {text!r}, wanted a positive number such as {example}")
         return value
 
     return read

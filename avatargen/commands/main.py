@@ -196,7 +196,9 @@ def find_command(words: Sequence[str]) -> Command:
             return command
     known = [" ".join(command.words) for command in COMMANDS]
     named = list(takewhile(lambda word: not word.startswith("-"), words))
-    found = " ".join(named[:2] or words[:1]) or "nothing"
+    if not words:
+        raise InputError(f"found no command, wanted one of: {', '.join(known)}; see {PROGRAM} --help")
+    found = " ".join(named[:2] or words[:1])
     near = did_you_mean(found, [*known, *OPTIONS]) or did_you_mean(found.split()[0], known)
     wanted = f", which is no command{near}" if near else f", wanted one of: {', '.join(known)};"
     raise InputError(f"found {found!r}{wanted} see {PROGRAM} --help")

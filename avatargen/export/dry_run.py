@@ -36,7 +36,7 @@ def describe(request: ExportRequest) -> str:
     lines.append("stages: " + ", ".join(plan.names))
     for item in plan.left_out:
         said = saving(item, config, curves)
-        saved = f" (saves about {said['seconds_saved']} s)" if "seconds_saved" in said else ""
+        saved = f" (saves about {said['seconds_saved']:.1f} s)" if "seconds_saved" in said else ""
         lines.append(f"left out: {item.what}: {item.why}{saved}")
     return "\n".join(lines)
 

@@ -30,8 +30,13 @@ def check_one_or_many(
     for name, found in (("--jobs", jobs), ("--ray", ray), ("--sheet", sheet)):
         if not many and found is not None:
             raise InputError(f"found {name} with one seed; give --seeds A:B, or leave it out")
-    if many and (out is None or report is not None or preview is not None):
-        raise InputError("found --seeds, which wants --out FOLDER and takes neither --report nor --preview")
+    if many and out is None:
+        raise InputError("found --seeds without --out; name the folder that the files go into")
+    if many and (report is not None or preview is not None):
+        raise InputError(
+            "found --seeds with --report or --preview, which are for one seed; the manifest and --sheet tell "
+            "of all"
+        )
     if many and (dry_run or budget_s is not None):
         raise InputError("found --seeds with --dry-run or --budget; both are for one seed, so give --seed")
     if preview is not None and preview.suffix.lower() != ".png":

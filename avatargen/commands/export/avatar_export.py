@@ -108,6 +108,7 @@ def closing_line(request: "ExportRequest", exported: "Exported") -> str:
     return (
         f"{path}: {exported.bytes / 1e6:.1f} MB, {len(made.asset.faces):,} faces, {exported.seconds:.1f} s, "
         f"error {error.mean_mm:.3f} mm mean, {error.p99_mm:.2f} mm p99"
+        + (" in the worst part" if request.parts == "separate" else "")
         + (f", in the {rest_pose.upper()}-pose that {path.suffix} wants" if rest_pose else "")
         + (f", in {request.encoding.axes}, as slicers take it" if request.encoding.for_slicers else "")
     )

@@ -78,10 +78,11 @@ def check_who(options: Namespace) -> None:
     described = bool(options.photos) or (options.text is not None and not options.change)
     if described and options.seed is None and options.seeds is None:
         options.seed = DESCRIBED
-    if (options.seed is None) == (options.seeds is None):
-        raise InputError(
-            "the following arguments are required: --seed, --seeds, --text or --photo, one of them"
-        )
+    if options.seed is not None and options.seeds is not None:
+        raise InputError("found --seed with --seeds; give one of them")
+    if options.seed is None and options.seeds is None:
+        others = "or --seeds" if options.change else "or --seeds, --text or --photo"
+        raise InputError(f"found nobody to make; give a seed, as in --seed 3, {others}")
     if options.photos and options.seed != DESCRIBED:
         raise InputError("found --photo with a seed; the photograph shows who it is, so leave the seed out")
 

@@ -68,7 +68,7 @@ All else is as avatar-export has it."""
 EDITS = """\
 examples:
   avatargen edit --seed 3 --text "in a red shirt" --out red.glb
-  avatargen edit --seed 3 --text "make her hair grey, and give her a hat" --out grey.glb
+  avatargen edit --seed 3 --text "with black hair and a hat" --out black.glb
   avatargen edit --seeds 0:20 --text "taller, without a jacket" --out tall
 """
 
@@ -199,14 +199,14 @@ def add_asset_options(group: _ArgumentGroup) -> None:
     add(
         "--tolerance",
         dest="tolerance_mm",
-        type=quantity("mm"),
+        type=quantity("mm", "0.5mm"),
         metavar="0.5mm",
         help="cheapest resolution and faces that keep 99 %% of the surface within it",
     )
     add(
         "--budget",
         dest="budget_s",
-        type=quantity("s"),
+        type=quantity("s", "5s"),
         metavar="5s",
         help="most exact resolution and faces for so many seconds in all",
     )

@@ -5,8 +5,10 @@ from dataclasses import fields
 from pathlib import Path
 
 from avatargen.commands.line import quantity
+from avatargen.commands.near import did_you_mean
 from avatargen.commands.seeds import LENT, borrowed, many_seeds, one_seed
-from avatargen.wardrobe.choosing import ANY, HEIGHT, SHOWN, Traits, any_colour, shown, values_of
+from avatargen.wardrobe.choosing import ANY, CLOTH, HEIGHT, SHOWN, Traits, any_colour, shown, values_of
+from avatargen.wardrobe.named_colours import named
 
 
 def add_person_options(group: _ArgumentGroup) -> None:
@@ -92,7 +94,7 @@ def add_trait_options(group: _ArgumentGroup) -> None:
             group.add_argument(f"--{shown(name)}", choices=values, help=told)
     group.add_argument(
         "--height",
-        type=quantity("m"),
+        type=quantity("m", "1.75m"),
         metavar="1.75m",
         help="of the body, crown of the head to the soles, 1.40 to 2.10 m",
     )
@@ -109,5 +111,8 @@ def colour(text: str) -> str:
     """An argument type: a colour's name, or #rrggbb."""
     name = text.lower()
     if not any_colour(name):
-        raise ArgumentTypeError(f"found {text!r}, wanted a colour such as red, navy, olive green or #7a1f2b")
+        hint = did_you_mean(name, (*CLOTH, *named()))
+        raise ArgumentTypeError(
+            f"found {text!r}, wanted a colour such as red, navy, olive green or #7a1f2b{hint}"
+        )
     return name

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from avatargen.commands.line import LARGEST_SEED, OneLineParser, run_command, whole_number
+from avatargen.commands.progress import Show, progress_line
 from avatargen.errors import InputError
 from avatargen.wardrobe.choosing import HEIGHT, SHORTEST, SHOWN, TALLEST, shown, traits_of
 
@@ -72,13 +73,15 @@ def draw(name: str, seed: int, out: Path) -> None:
 
     check_writable(out)
     stream = io.BytesIO()
-    sheet(name, seed).save(stream, kind, quality=88)
+    with progress_line(in_pipes=True) as show:
+        sheet(name, seed, show).save(stream, kind, quality=88)
     write_atomically(out, stream.getvalue())
     print(out)
 
 
-def sheet(name: str, seed: int) -> "Image":
+def sheet(name: str, seed: int, show: Show) -> "Image":
     """The people side by side on one ground at one scale, a word under each."""
+    show("loading libraries", 0.0)
     import numpy as np
     from PIL import Image, ImageDraw
 
@@ -88,7 +91,9 @@ def sheet(name: str, seed: int) -> "Image":
 
     generator, people = avatargen.load_generator(), []
     view = "face" if name in HEAD else "front"
-    for value in HEIGHTS if name == HEIGHT else SHOWN[name]:
+    values = HEIGHTS if name == HEIGHT else SHOWN[name]
+    for i, value in enumerate(values):
+        show(f"{i} of {len(values)}", i / len(values))
         avatar = generator.sample(seed, traits=traits_of({name: value}))
         asset = build(avatar, BuildConfig(resolution=256, faces=8_000, texture=512))
         tall = PIXELS if view == "face" else round(PIXELS * float(np.ptp(asset.vertices[:, 1])) / 2)
