@@ -80,7 +80,7 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["-1"], "argument SEED: found '-1'"),
         (["3", "5"], "unrecognized arguments: 5"),
         (["3", "--seed", "4"], "found 3 and --seed 4; give one seed"),
-        (["3", "--seeds", "4:6"], "required: --seed, --seeds, --text or --photo, one of them"),
+        (["3", "--seeds", "4:6"], "required: --seed, --seeds, --text, --photo or --person, one of them"),
         (["--seed", "3:5"], "or random; many go to --seeds"),
         (["--seed", "Random"], "found 'Random'"),
         (["random", "--out", "a.fbx"], "found --out a.fbx"),

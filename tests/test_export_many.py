@@ -218,7 +218,7 @@ def test_the_package_s_own_command_starts_workers(model: Model) -> None:
         (["--seeds", "-1:4", "--out", "a"], "--seeds"),
         (
             ["--seeds", "0:4", "--seed", "3", "--out", "a"],
-            "required: --seed, --seeds, --text or --photo, one of them",
+            "required: --seed, --seeds, --text, --photo or --person, one of them",
         ),
         (["--seed", "3", "--jobs", "2"], "found --jobs with one seed"),
         (["--seeds", "0:4", "--out", "file"], "cannot write file/manifest.jsonl"),

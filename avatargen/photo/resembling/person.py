@@ -4,9 +4,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from avatargen import __version__
 from avatargen.avatar import Avatar
-from avatargen.avatar_info import AvatarInfo
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.resemble import Resemblance
@@ -77,17 +75,4 @@ def avatar_of(sampler: DressedSampler, person: Attributes, fit: Fit) -> Avatar:
     """The person on the fitted body."""
     betas = np.zeros(sampler.body.source.shapedirs.shape[2], np.float32)
     betas[: len(fit.betas)] = fit.betas
-    return Avatar(
-        body=sampler.body,
-        betas=betas,
-        bounds=sampler.bounds,
-        info=AvatarInfo(
-            seed=0,
-            weights_hash=sampler.weights_hash,
-            version=__version__,
-            licence=sampler.licence,
-            height_m=fit.height,
-            attributes=person,
-        ),
-        field=sampler.dress(person),
-    )
+    return sampler.avatar(person, betas, fit.height, seed=0)
