@@ -15,6 +15,9 @@ from safetensors.torch import load, save
 from assets import BuildConfig, build
 from assets.asset.asset import TexturedAsset
 from avatargen.commands.export import avatar_export
+from avatargen.commands.look.render import load as load_drawn
+from avatargen.commands.look.render import parse as parse_drawn
+from avatargen.commands.look.render import read_seed
 from avatargen.errors import InputError
 from avatargen.export.one import export_avatar
 from avatargen.export.person_file import FORMAT, encode_person, read_person
@@ -195,6 +198,14 @@ def test_what_does_not_go_with_a_person_is_one_line_and_no_file(
     err = capsys.readouterr().err
     assert said in err and err.count("\n") == 1, err
     assert sorted(folder.iterdir()) == before
+
+
+def test_a_person_of_a_file_is_drawn(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("assets.BuildConfig", lambda pose: replace(COARSE, pose=pose))
+    one = load_drawn(parse_drawn([str(kept)]), read_seed(str(kept)))
+    other = load_drawn(parse_drawn(["3"]), 3)
+    assert isinstance(one, TexturedAsset) and isinstance(other, TexturedAsset)
+    assert np.array_equal(one.vertices, other.vertices) and np.array_equal(one.texture, other.texture)
 
 
 def test_a_file_says_what_it_is(kept: Path) -> None:

@@ -24,12 +24,12 @@ from avatargen.photo.picture import Picture, read_mask, read_picture
 from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.person import attributes_of, avatar_of
 from avatargen.photo.resembling.resemble import SKIN, Resemblance, Wardrobe, resemble
+from avatargen.photo.resembling.seen_skin import AGE
 from avatargen.photo.seeing.see import Eyes, open_eyes, see
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.choosing import Traits
 
 GENDERS = ("woman", "man")
-AGE = "young"  # where nobody tells
 SHARES = {"fit": 0.15, "resemble": 0.4, "refine": 0.7}  # of the work, that lies behind when a stage begins
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
 DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
