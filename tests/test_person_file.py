@@ -128,6 +128,17 @@ def test_what_is_not_the_person_is_not_kept(found: FoundPerson) -> None:
     assert np.array_equal(look.pixels[inside], sighting.picture.pixels[inside])
 
 
+def test_a_damaged_picture_is_one_line(tmp_path: Path, found: FoundPerson) -> None:
+    good = encode_person(saved(found.avatar, found, pixels=True))
+    path = tmp_path / "a.safetensors"
+    picture = load(good)["looks.0.picture"]
+    for bad in (picture[:300], torch.zeros(80, dtype=torch.uint8), picture[:0]):
+        path.write_bytes(good)
+        changed(path, path, {}, **{"looks.0.picture": bad.clone()})
+        with pytest.raises(InputError, match=r"a\.safetensors is damaged .*; save the person anew$"):
+            read_person(path)
+
+
 def changed(path: Path, to: Path, told: dict[str, Any], **tensors: torch.Tensor) -> None:
     """The file with other words, and other tensors."""
     with safe_open(path, framework="pt") as file:

@@ -32,6 +32,10 @@ from exporters.png import encode_png
 
 FORMAT = "avatargen-person-1"
 LARGEST = 1 << 28  # bytes of a file
+DAMAGES = (  # what reading damaged words and pictures ends in
+    *(KeyError, TypeError, ValueError, AssertionError, RecursionError, OverflowError),
+    *(OSError, SyntaxError, Image.DecompressionBombError),
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -99,7 +103,7 @@ def read_person(path: Path) -> Saved:
         )
     try:
         return person_of(tensors, json.loads(metadata["person"]))
-    except (KeyError, TypeError, ValueError, AssertionError, RecursionError, OSError) as error:
+    except DAMAGES as error:
         raise InputError(f"person: {path} is damaged ({str(error)[:120]}); save the person anew") from error
 
 
