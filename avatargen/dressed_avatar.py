@@ -96,6 +96,12 @@ class DressedSampler:
             person = borrow(person, lambda lender: self.lender(lender, truncation), wear)
         betas = self.betas(draw, chosen.height)
         height = float(np.ptp(shape(self.body.source, betas).vertices[:, 1]))
+        return self.avatar(person, betas, height, seed)
+
+    def avatar(
+        self, person: Attributes, betas: Float32[np.ndarray, " b"], height: float, seed: int
+    ) -> Avatar:
+        """A person of known attributes and shape, `height` metres tall."""
         return Avatar(
             body=self.body,
             betas=betas,

@@ -22,6 +22,7 @@ from tests import cli_page
 
 WALKING = ("--seed", "3", "--clip", "walk")
 APART = ("--seed", "3", "--parts", "separate")
+PERSON = ("--person", "a.safetensors")
 PHOTO = ("--photo", "a.jpg")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
@@ -42,6 +43,8 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--photo": (PHOTO, (*PHOTO, "--photo", "b.jpg")),
     "--mask": (PHOTO, (*PHOTO, "--mask", "a.png")),
     "--texture-from": (PHOTO, (*PHOTO, "--texture-from", "field")),
+    "--person": (PERSON, ("--person", "b.safetensors")),
+    "--save-person": (ONE, (*ONE, "--save-person", "c.safetensors")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
     "--gender": (ONE, (*ONE, "--gender", "man")),
@@ -110,6 +113,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 UNCHANGING = {
     *(
         "SEED",
+        "--save-person",
         "--seed",
         "--seeds",
         "--out",
@@ -135,7 +139,7 @@ OPTIONS = [action for action in make_parser()._actions if name_of(action) not in
 @pytest.fixture(autouse=True)
 def in_a_folder_with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for name in ("a.npz", "b.npz", "a.safetensors", "a.jpg", "b.jpg", "a.png"):
+    for name in ("a.npz", "b.npz", "a.safetensors", "b.safetensors", "a.jpg", "b.jpg", "a.png"):
         Path(name).write_bytes(b"as it was")
     Path("a.json").write_text('{"hair": "bob"}')
     Path("folder").mkdir()
@@ -185,10 +189,10 @@ def test_every_field_of_a_request_is_reached_by_an_option() -> None:
     assert set(names) - reached == {"change", "head_detail", "on_ground"}
 
 
-@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion", "--mask"])
+@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion", "--mask", "--person"])
 def test_files_enter_by_their_contents(option: str) -> None:
     name = CHANGES[option][1][-1]
-    words = CHANGES[option][0]
+    words = () if option == "--person" else CHANGES[option][0]
     before = fingerprint(parse([*words, option, name]))
     Path("elsewhere").mkdir()
     moved = Path("elsewhere") / name

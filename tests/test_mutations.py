@@ -22,10 +22,15 @@ from avatargen.data import synth
 from avatargen.data.dataset import open_pictures
 from avatargen.data.labels import FILE_NAME, Labels, encode_labels
 from avatargen.export.manifest import NAME, Row, open_manifest
+from avatargen.export.person_file import Saved, Words, encode_person, read_person
+from avatargen.export.photo_pixels import Look
 from avatargen.generator.checkpoint import load_checkpoint, save_checkpoint
 from avatargen.motion.amass import load_motion
+from avatargen.photo.camera import Pinhole
+from avatargen.photo.problem import Fit
 from avatargen.run_folder import claim
 from avatargen.training import adversarial_state
+from avatargen.wardrobe.makehuman.choose import Draw, choose, draw_latent
 from exporters import glb
 from exporters.encoding import Encoding
 from exporters.read_glb import read_glb
@@ -92,6 +97,48 @@ def test_motions(folder: Path) -> None:
         mutations(whole, bytes_changed, npz_changed), [bomb("poses", (600_000, 72), "|u1")]
     )
     check(*assault(read, folder / "take.npz", files))
+
+
+def test_people(folder: Path) -> None:
+    """Words, arrays and the picture of a person found in a photograph."""
+    rng = np.random.default_rng(0)
+    camera = Pinhole(width=24, height=32, focal=30.0)
+    fit = Fit(
+        betas=rng.normal(size=10),
+        rotations=rng.normal(size=(24, 3)),
+        move=rng.normal(size=3),
+        camera=camera,
+        height=1.7,
+        height_known=True,
+        uncertain=(),
+    )
+    look = Look(
+        pixels=rng.integers(0, 256, (32, 24, 3), np.uint8),
+        mask=rng.integers(0, 2, (32, 24)).astype(np.float32),
+        landmarks=rng.normal(size=(33, 2)),
+        face=None,
+        fit=fit,
+    )
+    who = choose(Draw(draw_latent(3)), {}, ["young_lightskinned_male_diffuse"], ["brown"])
+    words = Words(
+        attributes=who,
+        seed=3,
+        height=1.7,
+        said=(("text", "a man"),),
+        weights_hash="0" * 64,
+        body_hash="1" * 64,
+        looks=((30.0, 1.7),),
+        photo='{"photos": ["me.jpg"]}',
+    )
+    person = Saved(
+        words=words,
+        betas=np.zeros(10, np.float32),
+        turns=fit.rotations,
+        looks=(look,),
+        stuffs=np.zeros((1, 3)),
+    )
+    files = mutations(encode_person(person), bytes_changed)
+    check(*assault(read_person, folder / "person.safetensors", files))
 
 
 PICKLES = """

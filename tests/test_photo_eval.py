@@ -2,6 +2,7 @@
 stands before the camera, and a call that was cut off goes on. One person is photographed and found for real
 where the networks are."""
 
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import avatargen
 from avatargen.commands import main
+from avatargen.commands.learn.photo_plot import PANELS
+from avatargen.commands.learn.photo_plot import draw as plot
 from avatargen.commands.learn.photo_trial import Trial
 from avatargen.errors import InputError
 from avatargen.metrics.photo_error import (
@@ -53,11 +56,17 @@ def rng() -> np.random.Generator:
 
 def person(seed: int, joints: float = 40.0, *, shirt: bool = True) -> PhotoError:
     return PhotoError(
-        seed=seed, numbers={"joints_mm": joints}, right={"top": shirt, "hair": True}, seconds={"see": 1.0}
+        seed=seed,
+        stages={
+            "fit": {"seconds": 1.0, "joints_mm": 2 * joints},
+            "paint": {"seconds": 3.0, "joints_mm": joints},
+        },
+        right={"top": shirt, "hair": True},
+        seconds={"see": 1.0},
     )
 
 
-REFUSED = PhotoError(seed=9, refused="found nobody", numbers={}, right={}, seconds={})
+REFUSED = PhotoError(seed=9, refused="found nobody", stages={}, right={}, seconds={})
 
 
 # errors
@@ -116,7 +125,15 @@ def test_a_summary_counts_people_and_leaves_the_refused_out() -> None:
     assert (joints["value"], joints["median"], joints["count"]) == (50.0, 50.0, 3)
     assert 30 <= joints["low"] < 50 < joints["high"] <= 70
     assert told["right"]["top"]["value"] == pytest.approx(2 / 3) and told["right"]["hair"]["value"] == 1
+    assert told["stages"]["fit"]["joints_mm"]["value"] == 100.0
+    assert told["stages"]["paint"]["joints_mm"] == joints and told["stages"]["paint"]["seconds"]["value"] == 3
     rows = table(told).splitlines()
+    assert rows[-4:] == [
+        "| after | seconds | joints mm |",
+        "| --- | --- | --- |",
+        "| fit | 1 | 100 |",
+        "| paint | 3 | 50 |",
+    ]
     assert rows[2].startswith("| joints mm | 50 | ") and "| top: right | 0.667 |" in table(told)
     assert summary([REFUSED])["numbers"] == {}
 
@@ -129,9 +146,31 @@ def test_a_table_comes_back_as_it_was_and_another_is_refused() -> None:
         from_json(data, settings | {"weights_hash": "b"}, "f.json")
     damaged = json.loads(data)
     damaged["each"][0]["right"] = {"wings": True}
-    for bad in (b"", b"[]", data[:-20], json.dumps(damaged).encode(), b'{"each": 3}'):
+    timeless = json.loads(data)
+    del timeless["each"][0]["stages"]["fit"]["seconds"]
+    damages = (json.dumps(each).encode() for each in (damaged, timeless))
+    for bad in (b"", b"[]", data[:-20], *damages, b'{"each": 3}'):
         with pytest.raises(InputError, match=r"f\.json is no table of this command; name another file$"):
             from_json(bad, settings, "f.json")
+
+
+def test_stages_are_drawn_as_a_picture() -> None:
+    """All numbers of all stages, those without an interval as well."""
+    names = [name for panel in PANELS.values() for name in panel]
+    rows = [
+        PhotoError(
+            seed=seed,
+            stages={
+                stage: {"seconds": at} | dict.fromkeys(names, at + seed)
+                for stage, at in (("fit", 1.0), ("paint", 4.0))
+            },
+            right={},
+            seconds={},
+        )
+        for seed in (1, 2)
+    ]
+    picture = Image.open(io.BytesIO(plot(summary(rows)["stages"])))
+    assert picture.size == (1000, 700) and np.asarray(picture.convert("L")).std() > 5
 
 
 # the studio
@@ -187,6 +226,7 @@ def test_poses_and_light_are_those_of_their_seed() -> None:
     [
         (["--out", "a.txt"], "give a name that ends in .json"),
         (["--out", "a.json", "--sheet", "a.jpg"], "give a name that ends in .png"),
+        (["--out", "a.json", "--plot", "a.pdf"], "give a name that ends in .png"),
         (["--out", "a.json", "--people", "0"], "found people 0"),
         (["--out", "none/a.json"], "cannot write none/a.json"),
         (["--out", "a.json"], "run `avatargen photo-models` once"),
@@ -243,4 +283,10 @@ def test_a_rendered_person_is_found_again() -> None:
     assert found.numbers["silhouette_iou"] > 0.88
     assert found.numbers["psnr_seen_db"] > found.numbers["psnr_unseen_db"] > 8
     assert sum(found.right.values()) >= len(found.right) / 2
+    assert list(found.stages) == ["landmarks", "fit", "resemble", "refine", "again", "paint"]
+    until = [stage["seconds"] for stage in found.stages.values()]
+    assert until == sorted(until) and until[0] > 0
+    joints = [stage["joints_aligned_mm"] for stage in found.stages.values()]
+    assert joints[-1] < joints[0]
+    assert found.stages["paint"]["psnr_seen_db"] > found.stages["fit"]["psnr_seen_db"]
     assert set(found.seconds) == {"see", "fit", "resemble", "refine", "build", "paint"}

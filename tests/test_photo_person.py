@@ -24,13 +24,23 @@ from avatargen.photo.problem import Fit
 from avatargen.photo.raster import look_at
 from avatargen.photo.resembling.outfits import choices_for
 from avatargen.photo.resembling.pieces import Dresser
-from avatargen.photo.resembling.resemble import Outfit, Wardrobe
+from avatargen.photo.resembling.resemble import (
+    BETWEEN,
+    MOST,
+    Mirror,
+    Outfit,
+    Wardrobe,
+    box_of,
+)
+from avatargen.photo.resembling.resemble import SKIN as SKIN_PIECE
+from avatargen.photo.resembling.seen_skin import seen_skin
+from avatargen.photo.resembling.view import view_of
 from avatargen.photo.seeing.see import Eyes
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.appearance import rgb_of
 from avatargen.wardrobe.choosing import traits_of
 from avatargen.wardrobe.colour_names import lab
-from avatargen.wardrobe.makehuman.choose import Draw, draw_latent
+from avatargen.wardrobe.makehuman.choose import Draw, draw_latent, skin_of
 
 WIDTH, HEIGHT, FOCAL = 300, 400, 420.0
 SKIN, HAIR = (0.72, 0.53, 0.43), (0.2, 0.14, 0.1)
@@ -201,9 +211,46 @@ def test_the_clothes_and_colours_of_a_person_are_found_again() -> None:
     assert found.lines() and found.facts()["height_told"] is False
 
 
+@pytest.mark.parametrize("sex", ["woman", "man"])
+@pytest.mark.parametrize(
+    ("depth", "tone"), [(0.1, "light"), (0.45, "medium"), (0.7, "brown"), (0.97, "dark")]
+)
+def test_a_skin_is_told_by_its_colour_in_usual_light(sex: str, depth: float, tone: str) -> None:
+    """As dark as it was drawn, and its tint brings it onto the colour."""
+    names, middle = sampler().config.skin.skins, sampler().skin.middle
+    kind = "female" if sex == "woman" else "male"
+    pair = [names.index(f"young_{each}skinned_{kind}_diffuse") for each in ("light", "dark")]
+    dark, shade = skin_of(depth)
+    color = 0.94 * shade * np.array([1 - dark, dark]) @ middle[pair]
+    found = seen_skin(sampler(), lab(color[None])[0], sex)
+    assert found.tone == tone and found.mix == pytest.approx(dark, abs=0.15)
+    mixed = np.array([1 - found.mix, found.mix]) @ middle[[names.index(name) for name in found.names]]
+    assert np.allclose(mixed * found.tint, color, atol=0.01)
+
+
+def test_strands_that_show_skin_are_hair_still() -> None:
+    """A third of the hair's pixels are skin; the rest tell its colour, and skin costs a little."""
+    posed = posing()
+    mirror = Mirror(
+        wardrobe(),
+        Dresser(sampler().body),
+        posed.fit,
+        view_of(posed.sighting, *box_of(posed.sighting)),
+        lab(np.array([SKIN]))[0],
+    )
+    at = mirror.labels(OUTFIT.pieces) == OUTFIT.pieces.index("short04")
+    seen = np.where(np.arange(at.sum())[:, None] % 3 == 0, mirror.skin, lab(np.array([HAIR]))[0])
+    color = mirror.view.color.copy()
+    color[at] = seen
+    mirror.view = replace(mirror.view, color=color)
+    off = mirror.off("short04", at)
+    assert np.allclose(off[::3], BETWEEN) and off[1::3].max() < MOST
+    assert off.mean() < 1 < mirror.off(SKIN_PIECE, at).mean()
+
+
 def test_whatever_a_seed_wears_is_tried_on() -> None:
     """Dresses, coats over what fits closely, bare legs without socks: nobody wears what is not looked for."""
-    choices, kinds = {sex: choices_for(sampler().items, sex) for sex in ("woman", "man")}, set()
+    choices, kinds = {sex: choices_for(sampler().items, sex, dark=1.0) for sex in ("woman", "man")}, set()
     for seed in range(400):
         person = sampler().choose(Draw(draw_latent(seed)))
         worn = dict(zip(person.garments, person.kinds, strict=True))

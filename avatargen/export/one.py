@@ -119,6 +119,12 @@ def export_avatar(request: ExportRequest, progress: Progress = silent, elapsed: 
             files.append((request.preview, encode_png(render(made.asset))))
     progress("write", SHARES["write"])
     total = watch.total()
+    if request.save_person is not None:
+        from avatargen.export.person_file import encode_person
+        from avatargen.export.saved_people import saved  # most people are not kept
+
+        kept = saved(made.avatar, made.found, pixels=request.texture_from == "photo")
+        files.append((request.save_person, encode_person(kept)))
     if request.report is not None:
         report = make_report(request, written, made, size, watch.seconds | {"total": total})
         files.append((request.report, json.dumps(report, indent=2).encode() + b"\n"))
@@ -128,13 +134,13 @@ def export_avatar(request: ExportRequest, progress: Progress = silent, elapsed: 
 
 def check_outputs(request: ExportRequest, path: Path) -> None:
     """Raises InputError where a file cannot be written, or is another one of them or one that is read."""
-    outputs = [*files_of(path, request.encoding), request.report, request.preview]
+    outputs = [*files_of(path, request.encoding), request.report, request.preview, request.save_person]
     outputs = [output for output in outputs if output is not None]
     for output in outputs:
         check_writable(output)
     targets = different_targets(outputs)
-    read = (request.weights, request.body, request.pose_file, *request.motions, *request.photos, request.mask)
-    for source in read:
+    read = (request.weights, request.body, request.pose_file, *request.motions, *request.photos)
+    for source in (*read, request.mask, request.person):
         if source is not None and source.resolve() in targets:
             raise InputError(f"cannot write {source}: it is read as well; give another --out or --report")
 

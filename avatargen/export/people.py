@@ -111,6 +111,10 @@ def open_people(request: ExportRequest) -> People:
         from avatargen.export.photographs import PhotoPeople  # most people are drawn
 
         return PhotoPeople(request)
+    if request.person is not None:
+        from avatargen.export.saved_people import open_saved
+
+        return open_saved(request, request.person)
     if request.source == "generator":
         sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
         people = ChosenPeople(sampler=sampler, traits=request.traits, wear=dict(request.wear))

@@ -5,44 +5,47 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float64, UInt8
+from jaxtyping import Float64
 
 import avatargen
 from assets.asset.asset import PlainAsset, TexturedAsset
-from assets.picture.preview import sample_texture
-from assets.texture.atlas import Atlas
-from assets.texture.bake import TexelMap, map_texels
 from avatargen.avatar import Avatar, Sampler
 from avatargen.body.model import CanonicalBody
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
+from avatargen.export.photo_pixels import Look, look_of, painted
 from avatargen.export.request import ExportRequest
-from avatargen.photo.face_shift import face_shift
 from avatargen.photo.fit import Fitter, check_whole
 from avatargen.photo.picture import Picture, read_mask, read_picture
-from avatargen.photo.pixels import Shown, evened, of_one_stuff, scene_of, show, trust
 from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.person import attributes_of, avatar_of
-from avatargen.photo.resembling.pieces import Dresser
 from avatargen.photo.resembling.resemble import SKIN, Resemblance, Wardrobe, resemble
-from avatargen.photo.seeing.face import find_face
-from avatargen.photo.seeing.network import Network
+from avatargen.photo.resembling.seen_skin import AGE
 from avatargen.photo.seeing.see import Eyes, open_eyes, see
 from avatargen.photo.sighting import Sighting
 from avatargen.wardrobe.choosing import Traits
 
 GENDERS = ("woman", "man")
-GAMMA = 2.2  # of `sample_texture`'s linear light
-AGE = "young"  # where nobody tells
 SHARES = {"fit": 0.15, "resemble": 0.4, "refine": 0.7}  # of the work, that lies behind when a stage begins
 Progress = Callable[[str, float], None]  # name of the stage that begins, share of the work behind it
+DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
 
 
 def silent(stage: str, share: float) -> None:
     """Progress that nobody watches."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stage:
+    """What is known of a person when a stage of the work ends; clothes once some were tried on."""
+
+    name: str
+    fits: tuple[Fit, ...]
+    resemblance: Resemblance | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,11 +59,17 @@ class FoundPerson:
     gender_told: bool
     seconds: dict[str, float]
 
+    @cached_property
+    def looks(self) -> tuple[Look, ...]:
+        """What the photographs give to a texture."""
+        return tuple(map(look_of, self.sightings, self.fits))
+
     @property
-    def seen_colors(self) -> list[np.ndarray]:
-        """Middle colours of what is worn and seen, CIELAB."""
-        worn = [name for name in self.resemblance.outfit.pieces if name != SKIN]
-        return [color for name in worn if (color := self.resemblance.colors.get(name)) is not None]
+    def stuffs(self) -> Float64[np.ndarray, "N 3"]:
+        """Middle colours of skin and of what is worn and seen, CIELAB."""
+        found = self.resemblance
+        worn = [found.colors.get(name) for name in found.outfit.pieces if name != SKIN]
+        return np.stack([found.skin, *(color for color in worn if color is not None)])
 
     def facts(self) -> dict[str, object]:
         """What was found, for scripts to read."""
@@ -117,6 +126,17 @@ class Finder:
         """The person of the pictures; a mask is of the one picture. Raises InputError where they show no
         whole person."""
         seconds: dict[str, float] = {}
+        sightings = self.seen(pictures, seconds, mask, progress)
+        return self.resembling(sightings, traits, seconds, progress)
+
+    def seen(
+        self,
+        pictures: Sequence[Picture],
+        seconds: dict[str, float],
+        mask: Path | None = None,
+        progress: Progress = silent,
+    ) -> tuple[Sighting, ...]:
+        """Whole people, one in each picture. Raises InputError as `find`."""
         progress("see", 0.0)
         with self.timed(seconds, "see"):
             sightings = [see(picture, self.eyes) for picture in pictures]
@@ -124,7 +144,7 @@ class Finder:
             check_whole(sighting)
         if mask is not None:
             sightings = [replace(sightings[0], mask=read_mask(mask, pictures[0]))]
-        return self.resembling(sightings, traits, seconds, progress)
+        return tuple(sightings)
 
     def resembling(
         self,
@@ -135,32 +155,57 @@ class Finder:
     ) -> FoundPerson:
         """Fit and dress the person who was seen. `traits` may tell gender, age and height; `seconds` are
         added to by stage."""
+        *_, last = self.stages(sightings, traits, seconds, progress)
+        return self.person(sightings, last, traits, seconds)
+
+    def person(
+        self, sightings: Sequence[Sighting], stage: Stage, traits: Traits, seconds: dict[str, float]
+    ) -> FoundPerson:
+        """The generator's person who is most like what a stage knows."""
+        found = stage.resemblance
+        assert found is not None, "no clothes were tried on yet"
+        person = attributes_of(self.sampler, found, traits.age or AGE)
+        return FoundPerson(
+            sightings=tuple(sightings),
+            fits=stage.fits,
+            resemblance=found,
+            avatar=avatar_of(self.sampler, person, stage.fits[0]),
+            gender_told=traits.gender is not None,
+            seconds=seconds,
+        )
+
+    def stages(
+        self,
+        sightings: Sequence[Sighting],
+        traits: Traits,
+        seconds: dict[str, float],
+        progress: Progress = silent,
+    ) -> Iterator[Stage]:
+        """What is known after each stage, the last one's the most."""
         sampler, fitter, wardrobe = self.sampler, self.fitter, self.wardrobe
         progress("fit", SHARES["fit"])
         with self.timed(seconds, "fit"):
-            fits = fitter.fit_together(sightings, height=traits.height, gender=traits.gender)
+            problems = fitter.begun(sightings, traits.height, traits.gender)
+            fits = tuple(problem.found(traits.height is not None) for problem in problems)
+        yield Stage(name="landmarks", fits=fits)
+        with self.timed(seconds, "fit"):
+            fits = fitter.solved(problems, traits.height is not None)
+        yield Stage(name="fit", fits=fits)
         sexes = GENDERS if traits.gender is None else (traits.gender,)
         progress("resemble", SHARES["resemble"])
         with self.timed(seconds, "resemble"):
             found = [resemble(sampler, wardrobe, sightings, fits, sex) for sex in sexes]
             best = min(found, key=lambda each: each.miss)
-            clothes = wardrobe.clothes(best.outfit, fitter.figure)
+        yield Stage(name="resemble", fits=fits, resemblance=best)
         progress("refine", SHARES["refine"])
         with self.timed(seconds, "refine"):
-            fits = fitter.refine(sightings, fits, best.sex, clothes)
+            fits = fitter.refine(sightings, fits, best.sex, wardrobe.clothes(best.outfit, fitter.figure))
+        yield Stage(name="refine", fits=fits, resemblance=best)
         with self.timed(seconds, "resemble"):
             best = resemble(sampler, wardrobe, sightings, fits, best.sex)
         with self.timed(seconds, "refine"):  # to the clothes that were found now
             fits = fitter.refine(sightings, fits, best.sex, wardrobe.clothes(best.outfit, fitter.figure))
-        person = attributes_of(sampler, best, traits.age or AGE)
-        return FoundPerson(
-            sightings=tuple(sightings),
-            fits=fits,
-            resemblance=best,
-            avatar=avatar_of(sampler, person, fits[0]),
-            gender_told=traits.gender is not None,
-            seconds=seconds,
-        )
+        yield Stage(name="again", fits=fits, resemblance=best)
 
     @contextmanager
     def timed(self, seconds: dict[str, float], name: str) -> Iterator[None]:
@@ -171,7 +216,9 @@ class Finder:
 
     def painted(self, asset: PlainAsset, found: FoundPerson) -> PlainAsset:
         """The asset in the photographs' pixels; one without a texture as it is."""
-        return painted(asset, found, self.eyes.face) if isinstance(asset, TexturedAsset) else asset
+        if not isinstance(asset, TexturedAsset):
+            return asset
+        return painted(asset, self.sampler.body, found.looks, found.stuffs, self.eyes.face)
 
 
 class PhotoPeople:
@@ -200,70 +247,15 @@ class PhotoPeople:
 
     def pose(self, joint_names: tuple[str, ...]) -> Float64[np.ndarray, "J 3"]:
         """The first photograph's pose, upright where its camera was level."""
-        names = self.body.joint_names
-        rows = [names.index(DRIVER.get(name, name)) for name in joint_names]
-        return self.found.fits[0].rotations[rows]
+        return for_joints(self.found.fits[0].rotations, self.body.joint_names, joint_names)
 
     def painted(self, asset: PlainAsset) -> PlainAsset:
         """The asset in the photographs' pixels; one without a texture as it is."""
         return self.finder.painted(asset, self.found)
 
 
-DRIVER = {f"{side}_hand": f"{side}_middle1" for side in ("left", "right")}  # of a skeleton without fingers
-
-
-def painted(asset: TexturedAsset, found: FoundPerson, face: Network | None = None) -> TexturedAsset:
-    """The asset, where photographs show it well in their own colours; where several do, the best one's most.
-    With the face network, features of the face lie where the asset has them."""
-    assert asset.canonical is not None
-    texels = map_texels(
-        Atlas(vertex_map=np.arange(len(asset.vertices)), uv=asset.uv, faces=asset.faces), len(asset.texture)
-    )
-    dresser = Dresser(found.avatar.body)
-    shown = [
-        shown_by(asset, texels, dresser.move(asset.canonical, fit), found, number, face)
-        for number, fit in enumerate(found.fits)
-    ]
-    return replace(asset, texture=blended(asset.texture, texels, shown))
-
-
-def shown_by(
-    asset: TexturedAsset,
-    texels: TexelMap,
-    vertices: Float64[np.ndarray, "W 3"],
-    found: FoundPerson,
-    number: int,
-    face: Network | None,
-) -> Shown:
-    """The texels that filtering reads, in one photograph."""
-    sighting, fit = found.sightings[number], found.fits[number]
-    scene = scene_of(vertices, asset.faces, fit.camera)
-    tall = float((sighting.mask > 0.5).any(axis=1).sum())
-    trusted = trust(scene.seen, sighting.mask, tall)
-    own = np.zeros(sighting.picture.pixels.shape)
-    at = scene.seen.mask
-    own[at] = sample_texture(asset, scene.seen.face[at], scene.seen.barycentric[at]).clip(0, 1) ** (1 / GAMMA)
-    pixels, asked = sighting.picture.pixels, texels.asked
-    stuffs = np.stack([found.resemblance.skin, *found.seen_colors])
-    built = np.where(at[..., None], np.rint(255 * own), pixels).astype(np.uint8)
-    shift = None if face is None else face_shift(find_face(face, built, sighting.pixels), sighting.face)
-    alike = of_one_stuff(pixels, own, stuffs, trusted, tall)
-    if shift is not None:  # glasses and beards are no other stuff
-        alike = np.maximum(alike, trusted * shift.cover(*trusted.shape))
-    trusted = alike
-    photograph = evened(pixels, own, trusted, tall)
-    return show(scene, texels.face[asked], texels.barycentric(asked), photograph, trusted, shift)
-
-
-def blended(
-    texture: UInt8[np.ndarray, "S S 3"], texels: TexelMap, shown: Sequence[Shown]
-) -> UInt8[np.ndarray, "S S 3"]:
-    """The texture with what is shown laid over it."""
-    values = texture.reshape(-1, 3).astype(np.float64)
-    weights = np.stack([each.weight**2 for each in shown])
-    most = np.max([each.weight for each in shown], axis=0)
-    colors = np.einsum("pt,ptc->tc", weights, np.stack([each.color for each in shown]))
-    colors /= np.maximum(weights.sum(axis=0), 1e-9)[:, None]
-    old = values[texels.asked]
-    values[texels.asked] = old + most[:, None] * (255 * colors - old)
-    return texels.spread(np.rint(values).astype(np.uint8).reshape(texture.shape))
+def for_joints(
+    rotations: Float64[np.ndarray, "J 3"], names: tuple[str, ...], wanted: tuple[str, ...]
+) -> Float64[np.ndarray, "K 3"]:
+    """Rotations of the joints that a skeleton has."""
+    return rotations[[names.index(DRIVER.get(name, name)) for name in wanted]]

@@ -20,6 +20,7 @@ from avatargen.errors import InputError
 from avatargen.export.rules import (
     check_chosen,
     check_one_or_many,
+    check_person,
     check_photos,
     check_sheet,
     check_source,
@@ -64,6 +65,7 @@ class ExportRequest:
     photos: tuple[Path, ...] = ()  # of one person, who takes the place of the seed's
     mask: Path | None = None  # of the one photograph, the user's own: white where the person is
     texture_from: TextureFrom = "photo"  # field: the photograph gives its colours alone, not its pixels
+    person: Path | None = None  # a file that `save_person` wrote, of somebody in the place of the seed's
     # what: the asset
     build: BuildConfig = field(default_factory=BuildConfig)
     scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))
@@ -94,6 +96,7 @@ class ExportRequest:
     out: Path | None = field(default=None, metadata=no_byte("where the bytes go"))  # None: avatar_SEED here
     report: Path | None = field(default=None, metadata=no_byte("a file of its own"))
     preview: Path | None = field(default=None, metadata=no_byte("a picture of its own"))
+    save_person: Path | None = field(default=None, metadata=no_byte("a file of its own"))
     sheet: Path | None = field(default=None, metadata=no_byte("a picture of many, beside their files"))
     dry_run: bool = field(default=False, metadata=no_byte("nothing is written"))
 
@@ -120,6 +123,16 @@ class ExportRequest:
             or self.chosen
             or self.text is not None,
             traits=self.traits.given(),
+            person=self.person,
+        )
+        said = {"from": self.source != "generator", "photo": self.photos, "text": self.text is not None}
+        said |= {"wear": self.wear} | dict.fromkeys(self.traits.given(), True)
+        check_person(
+            person=self.person,
+            kept=self.save_person,
+            many=self.many,
+            source=self.source,
+            others=[name.replace("_", "-") for name, given in said.items() if given],
         )
         check_one_or_many(
             many=self.many,
@@ -164,7 +177,8 @@ class ExportRequest:
 
     def path_of(self, seed: int) -> Path:
         """Where the avatar of a seed goes."""
-        name = f"{self.photos[0].stem if self.photos else f'avatar_{seed}'}.{self.format}"
+        files = (*self.photos, *([] if self.person is None else [self.person]))
+        name = f"{files[0].stem if files else f'avatar_{seed}'}.{self.format}"
         if self.out is None:
             return Path(name)
         return self.out / name if self.many else self.out

@@ -9,6 +9,7 @@ from avatargen.errors import InputError
 
 SHEETS = (".png", ".jpg", ".jpeg")
 MOST_PHOTOS = 12
+PERSON = ".safetensors"  # a person's file
 TOLD = ("gender", "age", "height")  # traits that somebody may tell of a person in a photograph
 MOST_ON_A_SHEET = 1_000
 LONGEST_TEXT = 2_000  # characters
@@ -102,10 +103,11 @@ def check_photos(
     many: bool,
     seeds_people: bool,
     traits: Mapping[str, object],
+    person: Path | None,
 ) -> None:
     """Raises InputError for what belongs to a photograph and there is none, or does not go with one."""
     if not photos:
-        if mask is not None or posed or texture_from not in (None, "photo"):
+        if mask is not None or (person is None and (posed or texture_from not in (None, "photo"))):
             raise InputError("found --mask, --texture-from or --pose photo without --photo; give that too")
         return
     if len(photos) > MOST_PHOTOS or len(set(photos)) < len(photos):
@@ -122,6 +124,25 @@ def check_photos(
         raise InputError(
             f"found --{others[0].replace('_', '-')} with --photo, which shows it; only --gender, --age and "
             "--height can be told"
+        )
+
+
+def check_person(
+    *, person: Path | None, kept: Path | None, many: bool, source: str | None, others: Sequence[str]
+) -> None:
+    """Raises InputError where a person's file is read beside `others`, options that say who it is as well, or
+    written of many, of the wardrobe's people or under another kind of name."""
+    if kept is not None and (many or source == "wardrobe"):
+        raise InputError(
+            "found --save-person with --seeds or --from wardrobe; a file keeps one of the generator's "
+            "people, so leave those out"
+        )
+    if kept is not None and kept.suffix.lower() != PERSON:
+        raise InputError(f"found --save-person {kept}; give a name that ends in {PERSON}")
+    if person is not None and (many or others):
+        raise InputError(
+            f"found --person with --{'seeds' if many else others[0]}; the file says who it is, so leave that "
+            "out"
         )
 
 

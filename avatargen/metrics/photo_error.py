@@ -23,25 +23,34 @@ from avatargen.metrics.report import mean
 COLORS = ("hair_color", "top_color", "bottom_color", "outer_color", "shoes_color")
 WORDS = ("gender", "skin", "hair", "top", "bottom", "outer", "hat", "shoes", *COLORS)
 NONE = "none"
+SECONDS = "seconds"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoError:
-    """One person. Joints and surface (median over its vertices) in millimetres, pelvis on pelvis and
-    `aligned`; `unseen` are means over the other views; `right` tells words of the person that apply. Where
-    the photograph was refused, `refused` says why, and nothing was measured."""
+    """One person. `stages` tell for each stage of the work what was measured when it ended, and after how
+    many seconds of looking: joints and surface (median over its vertices) in millimetres, pelvis on pelvis
+    and `aligned`; `unseen` are means over the other views. `right` tells words of the person that apply.
+    Where the photograph was refused, `refused` says why, and nothing was measured."""
 
     seed: int
     refused: str | None = None
-    numbers: dict[str, float]
+    stages: dict[str, dict[str, float]]
     right: dict[str, bool]
     seconds: dict[str, float]
 
     def __post_init__(self) -> None:
         known = isinstance(self.seed, int) and set(self.right) <= set(WORDS)
-        values = [*self.numbers.values(), *self.seconds.values()]
+        values = [*self.seconds.values(), *(n for stage in self.stages.values() for n in stage.values())]
+        known = known and all(SECONDS in stage for stage in self.stages.values())
         if not known or not all(isinstance(value, int | float) for value in values):
             raise InputError("eval photo: a person's line is damaged; name another file")
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Errors of the person as found in the end."""
+        last = next(reversed(self.stages.values()), {})
+        return {name: value for name, value in last.items() if name != SECONDS}
 
     def line(self) -> str:
         """What is printed of a person."""
@@ -119,6 +128,7 @@ def summary(people: Sequence[PhotoError]) -> dict[str, Any]:
         names = dict.fromkeys(name for row in rows for name in row)
         return {name: told([float(row[name]) for row in rows if name in row]) for name in names}
 
+    stages = dict.fromkeys(name for person in measured for name in person.stages)
     words = columns([person.right for person in measured])
     for name in words:
         words[name].pop("median")
@@ -126,6 +136,7 @@ def summary(people: Sequence[PhotoError]) -> dict[str, Any]:
         "people": len(people),
         "refused": len(people) - len(measured),
         "numbers": columns([person.numbers for person in measured]),
+        "stages": {name: columns([p.stages[name] for p in measured if name in p.stages]) for name in stages},
         "right": {name: words[name] for name in WORDS if name in words},
         "seconds": columns([person.seconds for person in measured]),
     }
@@ -140,7 +151,17 @@ def table(told: Mapping[str, Any]) -> str:
             between = f"{n['low']:.3g} to {n['high']:.3g}"
             label = f"{name.replace('_', ' ')}{after}"
             lines.append(f"| {label} | {n['value']:.3g} | {between} | {middle} | {n['count']} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *stage_lines(told["stages"])])
+
+
+def stage_lines(stages: Mapping[str, Any]) -> list[str]:
+    """Means after each stage in Markdown, a line a stage."""
+    names = list(dict.fromkeys(name for columns in stages.values() for name in columns))
+    heads = [name.replace("_", " ") for name in names]
+    rows = [
+        [stage, *(f"{columns[name]['value']:.3g}" for name in names)] for stage, columns in stages.items()
+    ]
+    return [f"| {' | '.join(row)} |" for row in (["after", *heads], ["---"] * (len(heads) + 1), *rows)]
 
 
 def to_json(settings: Mapping[str, Any], people: Sequence[PhotoError]) -> bytes:

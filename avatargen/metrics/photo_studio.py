@@ -66,13 +66,14 @@ def draw(
 ) -> UInt8[np.ndarray, "H L 4"]:
     """The figure and how far it covers each pixel; without light in its own colours."""
     seen = look_at(figure.vertices, figure.faces, camera.resized(float(OVERSAMPLING)))
-    size = len(figure.texture)
-    place = np.clip((seen.read(figure.uv[figure.faces]) * size).astype(np.int64), 0, size - 1)
-    color = (figure.texture[place[..., 1], place[..., 0]] / 255) ** GAMMA
+    at, size = seen.mask, len(figure.texture)
+    place = np.clip((seen.read(figure.uv[figure.faces])[at] * size).astype(np.int64), 0, size - 1)
+    color = np.zeros((*at.shape, 3))
+    color[at] = (figure.texture[place[:, 1], place[:, 0]] / 255) ** GAMMA
     if light is not None:
-        color = color * seen.read(light[figure.faces][..., None])
-    cover = seen.mask[..., None].astype(np.float64)
-    linear = shrunk(color.clip(0, 1) * cover) / np.maximum(shrunk(cover), 1e-6)
+        color[at] *= seen.read(light[figure.faces][..., None])[at]
+    cover = at[..., None].astype(np.float64)
+    linear = shrunk(color.clip(0, 1)) / np.maximum(shrunk(cover), 1e-6)
     found = np.concatenate([linear ** (1 / GAMMA), shrunk(cover)], axis=2)
     return np.rint(255 * found.clip(0, 1)).astype(np.uint8)
 

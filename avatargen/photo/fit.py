@@ -36,13 +36,22 @@ class Fitter:
         self, sightings: Sequence[Sighting], height: float | None = None, gender: str | None = None
     ) -> tuple[Fit, ...]:
         """One person in several photographs: a pose and a place in each, and the shape of all."""
+        return self.solved(self.begun(sightings, height, gender), height is not None)
+
+    def begun(
+        self, sightings: Sequence[Sighting], height: float | None, gender: str | None
+    ) -> tuple[Problem, ...]:
+        """The usual body before each camera, turned as hips and shoulders lie."""
         builds = usual_builds(self.sizing, gender, self.figure.betas)
         builds = builds if height is None else self.as_tall(builds, height)
-        problems = [Problem(self.known, sighting, builds) for sighting in sightings]
+        return tuple(Problem(self.known, sighting, builds) for sighting in sightings)
+
+    def solved(self, problems: Sequence[Problem], height_known: bool) -> tuple[Fit, ...]:
+        """Posed and shaped as the landmarks lie."""
         for problem in problems:
             problem.solve(STEPS[0])
         agree(problems, STEPS[0] // 2)
-        return tuple(problem.found(height is not None) for problem in problems)
+        return tuple(problem.found(height_known) for problem in problems)
 
     def refine(
         self, sightings: Sequence[Sighting], fits: Sequence[Fit], gender: str, clothes: Clothes

@@ -28,10 +28,9 @@ class Seen:
 
     def read(self, corners: Float[np.ndarray, "F 3 C"]) -> Float64[np.ndarray, "H W C"]:
         """Numbers of the faces' corners at each pixel; 0 where nothing is seen."""
-        found = np.einsum(
-            "hwk,hwkc->hwc", self.barycentric, corners[np.maximum(self.face, 0)].astype(np.float64)
-        )
-        return np.where(self.mask[..., None], found, 0.0)
+        found, at = np.zeros((*self.face.shape, corners.shape[2])), self.mask
+        found[at] = np.einsum("pk,pkc->pc", self.barycentric[at], corners[self.face[at]].astype(np.float64))
+        return found
 
 
 def look_at(vertices: Float[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"], camera: Pinhole) -> Seen:

@@ -49,12 +49,19 @@ def check_options(options: Namespace) -> None:
     )
     options.format = output_format(options)
     sheet_inside = many and options.sheet is not None and options.sheet.parent == options.out
-    name = options.photos[0].stem if options.photos else f"avatar_{options.seed}"
+    files = [*(options.photos or ()), *([] if options.person is None else [options.person])]
+    name = files[0].stem if files else f"avatar_{options.seed}"
     outputs = () if many else (options.out or Path(f"{name}.{options.format}"),)
-    for output in (*outputs, options.report, options.preview, None if sheet_inside else options.sheet):
+    for output in (
+        *outputs,
+        options.report,
+        options.preview,
+        options.save_person,
+        None if sheet_inside else options.sheet,
+    ):
         if output is not None:
             check_writable(output)
-    sources = (options.weights, options.body, options.mask, *(options.motions or ()), *(options.photos or ()))
+    sources = (options.weights, options.body, options.mask, *(options.motions or ()), *files)
     for source in sources:
         if source is not None and not source.is_file():
             raise InputError(f"found no file {source}; check the path")
@@ -69,22 +76,25 @@ def check_options(options: Namespace) -> None:
 
 
 def check_who(options: Namespace) -> None:
-    """A seed, seeds, a line of text or photographs say who it is. A text that changes somebody needs a seed,
-    and a name that is not that of the seed's own file. Raises InputError.
+    """A seed, seeds, a line of text, photographs or a file say who it is. A text that changes somebody needs
+    a seed, and a name that is not that of the seed's own file. Raises InputError.
     """
     check_text(options.text, change=options.change)
     if options.change and options.out is None:
         raise InputError("found no --out; name the file for the person who is changed")
-    described = bool(options.photos) or (options.text is not None and not options.change)
+    shown = options.photos or options.person is not None
+    described = shown or (options.text is not None and not options.change)
     if described and options.seed is None and options.seeds is None:
         options.seed = DESCRIBED
     if options.seed is not None and options.seeds is not None:
         raise InputError("found --seed with --seeds; give one of them")
     if options.seed is None and options.seeds is None:
-        others = "or --seeds" if options.change else "or --seeds, --text or --photo"
+        others = "or --seeds" if options.change else "or --seeds, --text, --photo or --person"
         raise InputError(f"found nobody to make; give a seed, as in --seed 3, {others}")
     if options.photos and options.seed != DESCRIBED:
         raise InputError("found --photo with a seed; the photograph shows who it is, so leave the seed out")
+    if options.person is not None and options.seed != DESCRIBED:
+        raise InputError("found --person with a seed; the file says who it is, so leave the seed out")
 
 
 def chosen_traits(options: Namespace) -> Traits:

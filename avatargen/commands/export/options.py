@@ -53,6 +53,8 @@ examples:
   avatar-export --seed 3 --wear 33:top,outer --wear 5:shoes
   avatar-export --seed 3 --from wardrobe --wardrobe makehuman
   avatar-export --photo me.jpg --height 1.75m --clip walk
+  avatar-export --photo me.jpg --save-person me.safetensors
+  avatar-export --person me.safetensors --pose t --out me.vrm
   avatar-export --seed 3 --scene print
   avatar-export --seed 3 --tolerance 0.5mm
   avatar-export --seed 3 --lods 40000,20000,5000,1000

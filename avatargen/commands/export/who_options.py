@@ -46,6 +46,18 @@ def add_person_options(group: _ArgumentGroup) -> None:
         metavar="SEED:GARMENT,..",
         help=f"garments of another seed, of {', '.join(LENT)}; may be repeated",
     )
+    add(
+        "--person",
+        type=Path,
+        metavar="FILE",
+        help="instead of a seed: the person of a file that --save-person wrote",
+    )
+    add(
+        "--save-person",
+        type=Path,
+        metavar="FILE.safetensors",
+        help="also keep the person in a small file; of photographs with the pixels that are on the texture",
+    )
     add("--weights", type=Path, metavar="FILE", help="other generator weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format, .npz or .pkl")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from avatargen.commands.line import parse_options, run_command
 from avatargen.errors import InputError
+from avatargen.extras import require_extra
 
 PROGRAM = "avatargen eval photo"
 FIRST_SEED = 700_000_000  # far from the people by whom anything was tuned
@@ -31,6 +32,8 @@ class Options:
     sheet: Path | None = None
     """The .png file of pictures to write: the photograph, who was found, and both from other sides. A
     folder beside it keeps each person's."""
+    plot: Path | None = None
+    """The .png file to draw errors against seconds into, stage by stage."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,21 +47,25 @@ def check(options: Options) -> None:
     require_ranges(options, "eval photo", {"people": (1, 10**6), "first_seed": (0, 2**62)})
     if options.out.suffix != ".json":
         raise InputError(f"found --out {options.out}; give a name that ends in .json")
-    if options.sheet is not None and options.sheet.suffix != ".png":
-        raise InputError(f"found --sheet {options.sheet}; give a name that ends in .png")
+    for name, path in (("sheet", options.sheet), ("plot", options.plot)):
+        if path is not None and path.suffix != ".png":
+            raise InputError(f"found --{name} {path}; give a name that ends in .png")
+    if options.plot is not None:
+        require_extra("matplotlib")
 
 
 def run(options: Options) -> None:
     """Measure person by person, print, write."""
     from avatargen import load_generator
-    from avatargen.atomic import check_writable, write_together
+    from avatargen.atomic import check_writable, write_atomically, write_together
+    from avatargen.commands.learn.photo_plot import draw
     from avatargen.commands.learn.photo_trial import Trial
     from avatargen.metrics.photo_error import from_json, summary, table, to_json
     from avatargen.photo.seeing.see import open_eyes
     from exporters.png import encode_png
 
     check(options)
-    for path in (options.out, options.sheet):
+    for path in (options.out, options.sheet, options.plot):
         if path is not None:
             check_writable(path)
     eyes = open_eyes()
@@ -78,7 +85,10 @@ def run(options: Options) -> None:
             files.insert(0, (path, encode_png(strip)))
         write_together(files)
         print(people[seed].line(), flush=True)
-    print(table(summary([people[seed] for seed in seeds])))
+    told = summary([people[seed] for seed in seeds])
+    print(table(told))
+    if options.plot is not None:
+        write_atomically(options.plot, draw(told["stages"]))
     if options.sheet is not None:
         write_sheet(options.sheet, seeds)
     print(options.out)

@@ -5,21 +5,23 @@ Letters: J joints, H L pixels.
 
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float64, UInt8
 from PIL import Image
 
 from assets import BuildConfig, build
-from assets.asset.asset import TexturedAsset
+from assets.asset.asset import PlainAsset, TexturedAsset
 from assets.asset.posed import posed
 from avatargen.avatar import Avatar, Sampler
 from avatargen.body.model import forward_kinematics, shape
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.errors import InputError
-from avatargen.export.photographs import Finder, FoundPerson
+from avatargen.export.photographs import Finder
 from avatargen.metrics.likeness import picture_likeness
 from avatargen.metrics.photo_error import (
+    SECONDS,
     PhotoError,
     Similarity,
     joints_mm,
@@ -61,6 +63,8 @@ class Shot:
     figure: Figure
     camera: Pinhole
     joints: Float64[np.ndarray, "J 3"]
+    middle: Float64[np.ndarray, "3"]  # about which the other views turn
+    views: tuple[UInt8[np.ndarray, "H L 4"], ...]  # in the figure's own colours, the photograph's first
 
 
 class Trial:
@@ -73,27 +77,43 @@ class Trial:
         self.names = sampler.body.joint_names[:JOINTS]
 
     def of(self, seed: int) -> tuple[PhotoError, UInt8[np.ndarray, "H L 3"] | None]:
-        """The person of a seed: how far off, and pictures of both."""
-        person = self.sampler.sample(seed)
+        """The person of a seed: how far off after each stage, and pictures of both."""
+        person, finder = self.sampler.sample(seed), self.finder
         shot = self.photograph(person, np.random.default_rng([seed, 1]))
         picture = Picture(
             name=f"the picture of seed {seed}",
             pixels=shot.photograph,
             focal=USUAL_FOCAL * max(shot.photograph.shape),
         )
+        seconds: dict[str, float] = {}
         try:
-            found = self.finder.find([picture], Traits())
+            sightings = finder.seen([picture], seconds)
         except InputError as error:
-            return PhotoError(seed=seed, refused=str(error), numbers={}, right={}, seconds={}), None
-        seconds = found.seconds
-        with self.finder.timed(seconds, "build"):
-            plain = build(found.avatar, BUILT)
-        with self.finder.timed(seconds, "paint"):
-            asset = self.finder.painted(plain, found)
-        assert isinstance(asset, TexturedAsset)
-        numbers, strip = self.compare(shot, found, asset)
-        facts = dict(found.avatar.info.facts), dict(person.info.facts)
-        return PhotoError(seed=seed, numbers=numbers, right=right_words(*facts), seconds=seconds), strip
+            return PhotoError(seed=seed, refused=str(error), stages={}, right={}, seconds={}), None
+        stages: dict[str, dict[str, float]] = {}
+        building: dict[str, float] = {}
+        asset, worn = self.usual, None
+        for stage in finder.stages(sightings, Traits(), seconds):
+            until = sum(seconds.values())
+            if stage.resemblance is not worn:
+                worn, found = stage.resemblance, finder.person(sightings, stage, Traits(), seconds)
+                building = {}
+                with finder.timed(building, "build"):
+                    asset = textured(build(found.avatar, BUILT))
+            numbers, _ = self.compare(shot, stage.fits[0], asset)
+            stages[stage.name] = {SECONDS: until} | numbers
+        found = finder.person(sightings, stage, Traits(), seconds)
+        with finder.timed(seconds, "paint"):
+            asset = textured(finder.painted(asset, found))
+        numbers, strip = self.compare(shot, found.fits[0], asset)
+        stages["paint"] = {SECONDS: sum(seconds.values())} | numbers
+        right = right_words(dict(found.avatar.info.facts), dict(person.info.facts))
+        return PhotoError(seed=seed, stages=stages, right=right, seconds=seconds | building), strip
+
+    @cached_property
+    def usual(self) -> TexturedAsset:
+        """The mean person, for stages that know no clothes yet."""
+        return textured(build(self.sampler.sample(0, truncation=0.0), BUILT))
 
     def photograph(self, person: Avatar, rng: np.random.Generator) -> Shot:
         """Somebody in a pose, before a camera."""
@@ -103,11 +123,14 @@ class Trial:
         figure = figure_of(standing, standing.vertices + move)
         lit = draw(figure, camera, lamp_on(standing.normals, rng))
         rows = [standing.skeleton.joint_names.index(name) for name in self.names]
+        middle = (figure.vertices.min(axis=0) + figure.vertices.max(axis=0)) / 2
         return Shot(
             photograph=before_wall(lit, rng),
             figure=figure,
             camera=camera,
             joints=standing.skeleton.joints[rows] + move,
+            middle=middle,
+            views=(draw(figure, camera), *around(figure, middle, camera)),
         )
 
     def joints(self, fit: Fit) -> Float64[np.ndarray, "J 3"]:
@@ -118,11 +141,10 @@ class Trial:
         return T_world[:JOINTS, :3, 3] + fit.move
 
     def compare(
-        self, shot: Shot, found: FoundPerson, asset: TexturedAsset
+        self, shot: Shot, fit: Fit, asset: TexturedAsset
     ) -> tuple[dict[str, float], UInt8[np.ndarray, "H L 3"]]:
         """Numbers, and pictures: the photograph, the person found, and from other sides both."""
         assert asset.canonical is not None
-        fit = found.fits[0]
         figure = figure_of(asset, self.dresser.move(asset.canonical, fit))
         joints, true = self.joints(fit), shot.figure
         ways: dict[str, Similarity] = {
@@ -133,11 +155,11 @@ class Trial:
         for name, way in ways.items():
             numbers[f"joints{name}_mm"] = joints_mm(way(joints), shot.joints)
             numbers[f"surface{name}_mm"] = surface_mm(way(figure.vertices), figure.faces, true.vertices)
-        pictures = draw(figure, fit.camera), draw(true, shot.camera)
+        pictures = draw(figure, fit.camera), shot.views[0]
         numbers["silhouette_iou"] = overlap(*((picture[..., 3] > 127) for picture in pictures))
         seen = picture_likeness("seen", *pictures)
         aligned = figure_of(asset, ways["_aligned"](figure.vertices))
-        sides = self.sides(shot, aligned)
+        sides = list(zip(around(aligned, shot.middle, shot.camera), shot.views[1:], strict=True))
         others = [picture_likeness("unseen", *pair) for pair in sides]
         numbers |= {"psnr_seen_db": seen.psnr_db, "ssim_seen": seen.ssim}
         numbers["psnr_unseen_db"] = float(np.mean([each.psnr_db for each in others]))
@@ -145,17 +167,18 @@ class Trial:
         shown = [pictures[0], *(picture for i in ON_SHEET for picture in sides[i][::-1])]
         return numbers, np.concatenate([small(shot.photograph), *(small(on_grey(p)) for p in shown)], axis=1)
 
-    def sides(self, shot: Shot, found: Figure) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Pictures from the other sides, of the person found and of the true one."""
-        low, high = shot.figure.vertices.min(axis=0), shot.figure.vertices.max(axis=0)
-        middle = (low + high) / 2
-        return [
-            (
-                draw(turned(found, middle, np.radians(angle)), shot.camera),
-                draw(turned(shot.figure, middle, np.radians(angle)), shot.camera),
-            )
-            for angle in OTHER_VIEWS
-        ]
+
+def textured(asset: PlainAsset) -> TexturedAsset:
+    """The asset, which has colours as all that is built here."""
+    assert isinstance(asset, TexturedAsset)
+    return asset
+
+
+def around(
+    figure: Figure, middle: Float64[np.ndarray, "3"], camera: Pinhole
+) -> list[UInt8[np.ndarray, "H L 4"]]:
+    """Pictures of somebody from the other sides."""
+    return [draw(turned(figure, middle, np.radians(angle)), camera) for angle in OTHER_VIEWS]
 
 
 def figure_of(asset: TexturedAsset, vertices: np.ndarray) -> Figure:

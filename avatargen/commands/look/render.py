@@ -13,6 +13,7 @@ from avatargen.atomic import check_writable
 from avatargen.commands.line import OneLineParser, run_command, whole_number
 from avatargen.commands.seeds import RANDOM, draw_seed, is_seed
 from avatargen.errors import InputError
+from avatargen.export.rules import PERSON
 from avatargen.extras import require_extra
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ examples:
   avatargen render 3 --pose wave --views quarter --out wave.png
   avatargen render avatar_3.glb --turntable avatar_3.gif
   avatargen render 3 --clip walk --views quarter --out walk.mp4
+  avatargen render me.safetensors --pose wave
 """
 
 
@@ -35,7 +37,7 @@ examples:
 class Options:
     """Who is drawn, how, and into which files."""
 
-    source: str  # a seed, or a .glb file
+    source: str  # a seed, a .glb file, or one of --save-person
     out: Path | None  # still picture, or film of a clip
     turntable: Path | None
     pose: str | None  # a name, or an .npz file
@@ -60,11 +62,15 @@ def parse(arguments: Sequence[str] | None) -> Options:
     """Raises InputError where an argument is bad."""
     parser = OneLineParser(
         PROGRAM,
-        description="Draw a person, given by seed or as a .glb file, into a picture, a turntable or a film.",
+        description="Draw a person, given by seed or as a file, into a picture, a turntable or a film.",
         examples=EXAMPLES,
     )
     add = parser.add_argument
-    add("source", metavar="SEED|FILE.glb", help="which person, random, or a file that avatar-export wrote")
+    add(
+        "source",
+        metavar="SEED|FILE",
+        help="which person, random, or a file of avatar-export: .glb, or that of --save-person",
+    )
     add(
         "--out",
         type=Path,
@@ -152,7 +158,7 @@ def read_seed(source: str) -> int | None:
         return draw_seed()
     if is_seed(source):
         return int(source)
-    if Path(source).suffix.lower() != ".glb" or not Path(source).is_file():
+    if Path(source).suffix.lower() not in (".glb", PERSON) or not Path(source).is_file():
         raise InputError(f"found {source!r}, which is no seed and no .glb file; give one of them")
     return None
 
@@ -168,9 +174,8 @@ def outputs(given: Options, seed: int | None) -> tuple[Path | None, Path | None]
 def load(given: Options, seed: int | None) -> "PlainAsset":
     """The person, built or read."""
     if seed is None:
-        from exporters.read_glb import read_glb
-
-        return read_glb(given.source, given.rest)
+        path = Path(given.source)
+        return read_kept(given, path) if path.suffix.lower() == PERSON else read_rigged(given, path)
     from assets import BuildConfig, build
     from avatargen import load_generator
 
@@ -178,6 +183,25 @@ def load(given: Options, seed: int | None) -> "PlainAsset":
         print(f"seed {seed} was drawn", file=sys.stderr)
     sampler = load_generator(given.weights, body=given.body)
     return build(sampler.sample(seed), BuildConfig(pose=given.rest))
+
+
+def read_rigged(given: Options, path: Path) -> "PlainAsset":
+    """The person of a .glb file."""
+    from exporters.read_glb import read_glb
+
+    return read_glb(path, given.rest)
+
+
+def read_kept(given: Options, path: Path) -> "PlainAsset":
+    """The person of a file that --save-person wrote, built."""
+    from assets import BuildConfig, build
+    from avatargen.export.people import Photographed
+    from avatargen.export.request import ExportRequest
+    from avatargen.export.saved_people import open_saved
+
+    people = open_saved(ExportRequest(seeds=0, person=path, weights=given.weights, body=given.body), path)
+    asset = build(people.sample(0), BuildConfig(pose=given.rest))
+    return people.painted(asset) if isinstance(people, Photographed) else asset
 
 
 def play(asset: "PlainAsset", clip: str, given: Options, suffix: str, config: "PreviewConfig") -> bytes:

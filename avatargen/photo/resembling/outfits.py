@@ -19,7 +19,7 @@ class Clothing:
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """Ways to dress a person; `rare` are styles of hair that the other sex usually wears."""
+    """Ways to dress a person; `rare` are styles of hair that the other sex or darker skins usually wear."""
 
     clothes: tuple[Clothing, ...]
     hair: tuple[str | None, ...]
@@ -27,14 +27,14 @@ class Choices:
     hats: tuple[str | None, ...]
 
 
-def choices_for(items: Mapping[str, Item], sex: str) -> Choices:
-    """What women or men can wear."""
+def choices_for(items: Mapping[str, Item], sex: str, dark: float) -> Choices:
+    """What women or men can wear, of some share of a dark skin."""
     woman = sex == "woman"
     wearable = Wearable(items, woman, borrows=woman)
     styles = [item for item in items.values() if item.kind == "hair"]
-    usual, crossed = (
-        sorted(item.name for item in styles if fits(item.name, item.tags, woman, other, dark=1.0))
-        for other in (False, True)
+    usual, darker, crossed = (
+        sorted(item.name for item in styles if fits(item.name, item.tags, woman, other, share))
+        for other, share in ((False, dark), (False, 1.0), (True, dark))
     )
     return Choices(
         clothes=tuple(
@@ -46,7 +46,7 @@ def choices_for(items: Mapping[str, Item], sex: str) -> Choices:
             for upper, bottom in clothes_of(wearable)
         ),
         hair=(None, *usual),
-        rare=tuple(name for name in crossed if name not in usual),
+        rare=tuple(name for name in dict.fromkeys((*darker, *crossed)) if name not in usual),
         hats=(None, *names(wearable.of("hat"))),
     )
 

@@ -4,19 +4,16 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from avatargen import __version__
 from avatargen.avatar import Avatar
-from avatargen.avatar_info import AvatarInfo
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.resemble import Resemblance
+from avatargen.photo.resembling.seen_skin import seen_skin
 from avatargen.wardrobe.appearance import Rgb, rgb_of
-from avatargen.wardrobe.makehuman.choose import FULL_SIZE, TONES, Attributes, Draw, face_lines, skin_names
+from avatargen.wardrobe.makehuman.choose import FULL_SIZE, Attributes, Draw, face_lines
 from avatargen.wardrobe.makehuman.hairs import hair_worn
 
 HAIR, IRIS = (0.16, 0.11, 0.08), "brown"  # where nobody can see them
-SHARES = np.linspace(0, 1, 41)  # of a dark skin in a mixture
-TINT = (0.72, 1.22)  # factors on a skin, that light in a photograph may need
 
 
 def attributes_of(sampler: DressedSampler, found: Resemblance, age: str) -> Attributes:
@@ -27,15 +24,15 @@ def attributes_of(sampler: DressedSampler, found: Resemblance, age: str) -> Attr
     colours = tuple(None if each is None else rgb(each) for each in seen)
     shades = [items[n].own_color if c is None else c for n, c in zip(outfit.garments, colours, strict=True)]
     hair = found.colors.get(outfit.hair) if outfit.hair else None
-    names, mix, tint = skin_of(sampler, found, age)
+    skin_seen = seen_skin(sampler, found.skin, found.sex, age)
     usual, woman = Draw(torch.zeros(1, FULL_SIZE)), found.sex == "woman"  # of what the picture does not say
     return Attributes(
         sex=found.sex,
         age=age,
-        tone=next(name for name, end in TONES if 0.5 + 0.3 * mix <= end) if mix else "light",
-        skin=names,
-        skin_mix=mix,
-        skin_tint=tint,
+        tone=skin_seen.tone,
+        skin=skin_seen.names,
+        skin_mix=skin_seen.mix,
+        skin_tint=skin_seen.tint,
         eyes=IRIS if IRIS in skin.irises else skin.irises[0],
         face=face_lines(usual, woman),
         hair=outfit.hair,
@@ -58,36 +55,8 @@ def rgb(color: Float[np.ndarray, "3"]) -> Rgb:
     return (r, g, b)
 
 
-def skin_of(sampler: DressedSampler, found: Resemblance, age: str) -> tuple[tuple[str, str], float, Rgb]:
-    """A light and a dark skin of the age and sex, the share of the dark one and the tint that come closest to
-    the colour of the face."""
-    sex, names = ("female" if found.sex == "woman" else "male"), list(sampler.config.skin.skins)
-    light, dark = (skin_names(names, age, tone, sex)[0] for tone in ("light", "dark"))
-    middles = sampler.skin.middle[[names.index(light), names.index(dark)]]
-    wanted = np.array(rgb(found.skin))
-    mixed = (1 - SHARES)[:, None] * middles[0] + SHARES[:, None] * middles[1]
-    tints = (wanted / np.maximum(mixed, 1e-3)).clip(*TINT)
-    off = np.linalg.norm(mixed * tints - wanted, axis=1) + 0.1 * np.linalg.norm(np.log(tints), axis=1)
-    best = int(off.argmin())
-    r, g, b = tints[best].tolist()
-    return (light, dark), float(SHARES[best]), (r, g, b)
-
-
 def avatar_of(sampler: DressedSampler, person: Attributes, fit: Fit) -> Avatar:
     """The person on the fitted body."""
     betas = np.zeros(sampler.body.source.shapedirs.shape[2], np.float32)
     betas[: len(fit.betas)] = fit.betas
-    return Avatar(
-        body=sampler.body,
-        betas=betas,
-        bounds=sampler.bounds,
-        info=AvatarInfo(
-            seed=0,
-            weights_hash=sampler.weights_hash,
-            version=__version__,
-            licence=sampler.licence,
-            height_m=fit.height,
-            attributes=person,
-        ),
-        field=sampler.dress(person),
-    )
+    return sampler.avatar(person, betas, fit.height, seed=0)

@@ -22,12 +22,14 @@ from avatargen.photo.outline import Clothes
 from avatargen.photo.problem import Fit
 from avatargen.photo.resembling.outfits import Choices, choices_for
 from avatargen.photo.resembling.pieces import Dresser, Piece, body_piece, piece_of
+from avatargen.photo.resembling.seen_skin import seen_skin
 from avatargen.photo.resembling.view import FAR, Layer, View, draw_layer, view_of
 from avatargen.photo.seeing.pose import NAMES
 from avatargen.photo.sighting import Sighting
 
 SCALE, MOST = 9.0, 3.0  # CIELAB that count as one, and how much a pixel counts at most
 LIGHT = 0.45  # of a difference in lightness, which light and shadow make
+BETWEEN = 0.4  # of a pixel of hair that shows skin
 MISSED = 2.6  # of a pixel that is the person and is not covered, or the other way round
 CONTRAST = 0.6  # of the artist's own colours, that is expected
 LEAD = 0.007  # m that what is worn further out is before what is beneath, where both lie together
@@ -127,10 +129,12 @@ class Mirror:
         return total / self.size
 
     def off(self, name: str, at: np.ndarray) -> np.ndarray:
-        """How much each pixel of a piece is off its colour."""
+        """How much each pixel of a piece is off its colour; what shows between strands is skin."""
         seen = self.own(name, at)
-        apart = (seen - (self.skin if name == SKIN else np.median(seen, axis=0))) * (LIGHT, 1, 1)
-        return np.minimum(np.linalg.norm(apart, axis=1) / SCALE, MOST)
+        if self.wardrobe.piece(name).kind != "hair":
+            return apart(seen, self.skin if name == SKIN else np.median(seen, axis=0))
+        strands = apart(seen, np.median(self.without_skin(seen), axis=0))
+        return np.minimum(strands, apart(self.view.color[at], self.skin) + BETWEEN)
 
     def own(self, name: str, at: np.ndarray) -> np.ndarray:
         """Photographed colours of a piece, less what its artist's differ from their middle."""
@@ -155,6 +159,11 @@ class Mirror:
         return seen[off] if off.sum() > SHARE * len(seen) else seen
 
 
+def apart(seen: Float64[np.ndarray, "N 3"], color: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, " N"]:
+    """How far pixels are off a colour."""
+    return np.minimum(np.linalg.norm((seen - color) * (LIGHT, 1, 1), axis=1) / SCALE, MOST)
+
+
 def resemble(
     sampler: DressedSampler,
     wardrobe: Wardrobe,
@@ -163,8 +172,9 @@ def resemble(
     sex: str,
 ) -> Resemblance:
     """The outfit of a woman or a man that is most like what was seen."""
-    choices, dresser = choices_for(sampler.items, sex), Dresser(sampler.body)
-    skins = [face_color(sighting) for sighting in sightings]
+    skins, dresser = [face_color(sighting) for sighting in sightings], Dresser(sampler.body)
+    dark = seen_skin(sampler, np.median(skins, axis=0), sex).mix
+    choices = choices_for(sampler.items, sex, dark)
     mirrors: list[list[Mirror]] = [
         [
             Mirror(wardrobe, dresser, fit, view_of(sighting, *box(sighting)), skin)

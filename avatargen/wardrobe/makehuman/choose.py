@@ -180,12 +180,18 @@ def skin_names(names: list[str], age: str, tone: str, sex: str) -> list[str]:
     return names
 
 
+def skin_of(depth: float) -> tuple[float, float]:
+    """The share of a dark skin in the mixture, and a factor on it, by the measure of the skin."""
+    dark = min(max((depth - 0.5) / 0.3, 0.0), 1.0)
+    return dark, 1.05 - 0.16 * min(depth / 0.5, 1.0) if dark == 0 else 0.95 + 0.1 * (1 - dark)
+
+
 def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: list[str]) -> Attributes:
     """The person of a draw, out of what a folder holds."""
     woman = float(draw.people.choice("woman")) > 0.5
     sex, years, depth = ("female" if woman else "male"), draw.share("age"), draw.share("skin_light")
     age = "young" if years < 0.6 else "middleage" if years < 0.85 else "old"
-    dark = min(max((depth - 0.5) / 0.3, 0.0), 1.0)
+    dark, shade = skin_of(depth)
     light = skin_names(skins, age, "light", sex)
     deep = skin_names(skins, age, "dark", sex)
     first = draw.one_of("skin_photo", tuple(light))
@@ -194,7 +200,6 @@ def choose(draw: Draw, garments: Mapping[str, Item], skins: list[str], irises: l
     else:
         second, mixed = draw.one_of("skin_mix", tuple(light)), 0.5 * draw.share("skin_mix")
     warm = draw.share("skin_warm") - 0.5
-    shade = 1.05 - 0.16 * min(depth / 0.5, 1.0) if dark == 0 else 0.95 + 0.1 * (1 - dark)
     tint = (shade * (1 + 0.03 * warm), shade, shade * (1 - 0.07 * warm))
     options = [name for name in (DARK_IRISES if dark > 0.2 else NATURAL_IRISES) if name in irises] or irises
     worn, colours, prints = outfit(draw, garments, woman)
