@@ -50,7 +50,7 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ([], "found nobody to make; give a seed, as in --seed 3, or --seeds, --text or --photo"),
+        ([], "found nobody to make; give a seed, as in --seed 3, or --seeds, --text, --photo or --person"),
         (["--seed"], "--seed: expected one argument"),
         (["--seed", "-1"], "--seed"),
         (["--seed", "three"], "found 'three', wanted a whole number from 0 to"),
