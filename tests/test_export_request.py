@@ -22,7 +22,6 @@ from tests import cli_page
 
 WALKING = ("--seed", "3", "--clip", "walk")
 APART = ("--seed", "3", "--parts", "separate")
-PERSON = ("--person", "a.safetensors")
 PHOTO = ("--photo", "a.jpg")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
 # option: words before it is changed, and after
@@ -43,7 +42,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--photo": (PHOTO, (*PHOTO, "--photo", "b.jpg")),
     "--mask": (PHOTO, (*PHOTO, "--mask", "a.png")),
     "--texture-from": (PHOTO, (*PHOTO, "--texture-from", "field")),
-    "--person": (PERSON, ("--person", "b.safetensors")),
+    "--person": (ONE, ("--person", "a.safetensors")),
     "--save-person": (ONE, (*ONE, "--save-person", "c.safetensors")),
     "--weights": (ONE, (*ONE, "--weights", "a.safetensors")),
     "--body": (ONE, (*ONE, "--body", "a.npz")),
@@ -139,7 +138,7 @@ OPTIONS = [action for action in make_parser()._actions if name_of(action) not in
 @pytest.fixture(autouse=True)
 def in_a_folder_with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for name in ("a.npz", "b.npz", "a.safetensors", "b.safetensors", "a.jpg", "b.jpg", "a.png"):
+    for name in ("a.npz", "b.npz", "a.safetensors", "a.jpg", "b.jpg", "a.png"):
         Path(name).write_bytes(b"as it was")
     Path("a.json").write_text('{"hair": "bob"}')
     Path("folder").mkdir()

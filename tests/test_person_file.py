@@ -106,6 +106,9 @@ def test_a_person_of_a_photograph_keeps_what_is_on_the_texture(tmp_path: Path, f
     other = person.painted(second)
     assert isinstance(other, TexturedAsset) and np.array_equal(one.texture, other.texture)
     assert not np.array_equal(one.texture, first.texture)
+    assert encode_person(saved(avatar, person, pixels=True)) == path.read_bytes()  # kept once more
+    less = saved(found.avatar, found, pixels=False)
+    assert encode_person(saved(avatar, person, pixels=False)) == encode_person(less)
 
 
 def test_without_pixels_the_pose_alone_is_kept(tmp_path: Path, found: FoundPerson) -> None:

@@ -39,24 +39,35 @@ def saved(avatar: AvatarFields, found: object, *, pixels: bool) -> Saved:
         raise InputError(
             "found --save-person of people who are one field; leave --weights out, or keep their seed"
         )
-    given = found if isinstance(found, FoundPerson) else None
-    looks = given.looks if given is not None and pixels else ()
-    return Saved(
-        words=Words(
-            attributes=person,
-            seed=avatar.seed,
-            height=avatar.height,
-            said=avatar.info.said,
-            weights_hash=avatar.info.weights_hash,
-            body_hash=body_hash(avatar.body),
-            looks=tuple((look.fit.camera.focal, look.fit.height) for look in looks),
-            photo="" if given is None else json.dumps(given.facts() | {"seconds": {}}),
+    if isinstance(found, SavedPhotographed):
+        return found.saved if pixels else without_pixels(found.saved)
+    words = Words(
+        attributes=person,
+        seed=avatar.seed,
+        height=avatar.height,
+        said=avatar.info.said,
+        weights_hash=avatar.info.weights_hash,
+        body_hash=body_hash(avatar.body),
+    )
+    if not isinstance(found, FoundPerson):
+        return Saved(words=words, betas=avatar.betas)
+    whole = Saved(
+        words=replace(
+            words,
+            looks=tuple((look.fit.camera.focal, look.fit.height) for look in found.looks),
+            photo=json.dumps(found.facts() | {"seconds": {}}),
         ),
         betas=avatar.betas,
-        turns=None if given is None else given.fits[0].rotations,
-        looks=looks,
-        stuffs=given.stuffs if given is not None and looks else None,
+        turns=found.fits[0].rotations,
+        looks=found.looks,
+        stuffs=found.stuffs,
     )
+    return whole if pixels else without_pixels(whole)
+
+
+def without_pixels(person: Saved) -> Saved:
+    """The same person and pose."""
+    return replace(person, words=replace(person.words, looks=()), looks=(), stuffs=None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
