@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from avatargen.atomic import check_writable
 from avatargen.commands.line import OneLineParser, run_command, whole_number
+from avatargen.commands.progress import progress_line
 from avatargen.commands.seeds import RANDOM, draw_seed, is_seed
 from avatargen.errors import InputError
 from avatargen.export.rules import PERSON
@@ -123,15 +124,18 @@ def run(given: Options) -> None:
         )
 
     config(32)  # complains before the work
-    asset = in_pose(load(given, seed), given)
     files: list[tuple[Path, bytes]] = []
-    if still is not None and given.clip:
-        files.append((still, play(asset, given.clip, given, still.suffix.lower(), config(480))))
-    elif still is not None:
-        files.append((still, encode_png(render(asset, config(768)))))
-    if film is not None:
-        frames = turntable(asset, given.frames, config(480))
-        files.append((film, ENCODERS[film.suffix.lower()](frames, float(given.seconds))))
+    with progress_line() as show:
+        show("reading" if seed is None else "building", 0.0)
+        asset = in_pose(load(given, seed), given)
+        show("drawing", 0.5)
+        if still is not None and given.clip:
+            files.append((still, play(asset, given.clip, given, still.suffix.lower(), config(480))))
+        elif still is not None:
+            files.append((still, encode_png(render(asset, config(768)))))
+        if film is not None:
+            frames = turntable(asset, given.frames, config(480))
+            files.append((film, ENCODERS[film.suffix.lower()](frames, float(given.seconds))))
     write_together(files)
     for path, _ in files:
         print(path)
