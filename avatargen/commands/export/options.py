@@ -282,6 +282,11 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     )
     add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
+    add(
+        "--face",
+        choices=("none", "shapes"),
+        help="shapes: lips and lids open; ARKit's 52 shapes, 15 visemes (default: none, or by --scene)",
+    )
 
 
 def add_animation_options(group: _ArgumentGroup) -> None:
