@@ -94,19 +94,13 @@ def refined(mesh: CutMesh, curves: Curves) -> CutMesh:
     for _ in range(ROUNDS):
         edges, points = mesh.edges(), mesh.points
         ends = points[edges]
-        middle = ends.mean(axis=1)
-        near = np.flatnonzero((np.abs(middle[:, 0]) < 0.08) & (middle[:, 2] > FRONT - 0.01))
-        # an edge across a curve is near it, however long it is
-        away = np.min(
-            [
-                curves.distance(ends[near].mean(axis=1) * (1 - s) + ends[near, k] * s)
-                for k in (0, 1)
-                for s in (0.0, 0.5, 1.0)
-            ],
-            axis=0,
-        )
-        length = np.linalg.norm(ends[near, 1] - ends[near, 0], axis=1)
-        long = near[(length > FINEST + GROWTH * away) & (away < NEAR)]
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        may = np.flatnonzero((length > FINEST) & (ends[:, :, 2].max(axis=1) > FRONT))
+        away = curves.distance(points)[edges[may]].min(axis=1)
+        for share in (0.25, 0.5, 0.75):  # an edge across a curve is near it, however long it is
+            between = ends[may, 0] + share * (ends[may, 1] - ends[may, 0])
+            away = np.minimum(away, curves.distance(between))
+        long = may[(away < NEAR) & (length[may] > FINEST + GROWTH * np.minimum(away, NEAR))]
         if not len(long):
             break
         mesh = split_edges(mesh, edges[long], np.full(len(long), 0.5))

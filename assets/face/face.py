@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Bool, Float, Float64, Int64
 
 from assets.asset.asset import Asset
 from assets.asset.rig import Morph
@@ -157,21 +157,37 @@ def face_morphs(
     size = face_size(face, rest)
     own = rest @ turn / size
     turn = turn * size
-    still = np.zeros((len(skeleton.parents), 3))
+    still, faces = np.zeros((len(skeleton.parents), 3)), face.faces
     for name, canonical in face_shapes(face, own):
         moved = fade[:, None] * (canonical @ turn.T)
         moved[np.abs(moved).max(axis=1) < STILL] = 0
-        turned = np.zeros_like(moved)
-        if moved.any():
-            after = vertex_normals(Surface(vertices=rest + moved, faces=face.faces))
-            turned = after - normals
-            turned[np.abs(turned).max(axis=1) < TURNED] = 0
+        turned = turned_normals(rest + moved, faces, moved.any(axis=1), normals)
         yield Morph(
             name=name,
             vertices=moved[asset.welded].astype(np.float32),
             normals=turned[asset.welded].astype(np.float32),
             joints=still,
         )
+
+
+def turned_normals(
+    at: Float64[np.ndarray, "V 3"],
+    faces: Int64[np.ndarray, "F 3"],
+    moved: Bool[np.ndarray, " V"],
+    before: Float64[np.ndarray, "V 3"],
+) -> Float64[np.ndarray, "V 3"]:
+    """What normals gain where vertices have moved: only faces around those are looked at."""
+    turned = np.zeros_like(at)
+    near = np.zeros(len(at), bool)
+    near[faces[moved[faces].any(axis=1)]] = True
+    around = faces[near[faces].any(axis=1)]
+    if len(around):
+        used, corners = np.unique(around, return_inverse=True)
+        found = vertex_normals(Surface(vertices=at[used], faces=corners.reshape(-1, 3)))
+        inner = near[used]
+        turned[used[inner]] = found[inner] - before[used[inner]]
+        turned[np.abs(turned).max(axis=1) < TURNED] = 0
+    return turned
 
 
 def head_share(asset: Asset) -> Float64[np.ndarray, " W"]:
