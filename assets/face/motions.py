@@ -15,7 +15,7 @@ from assets.face.opened import OpenFace
 
 JAW = 0.035  # m that the chin goes when the mouth opens
 CHEEK, CHEEKBONE = np.array([0.043, 0.655]), np.array([0.036, 0.69])
-GAZE = np.array([0.0050, 0.0028])  # m that an iris goes to the side, and up or down
+GAZE = np.array([0.0036, 0.0024])  # m that an iris goes to the side, and up or down
 BEHIND_LIDS = 0.003  # m that an eye draws back behind closed lids
 LID = 0.004  # m of lid that goes with its margin
 UPPER_SHARE = 0.2  # of the way between the lids' margins at which they meet, from below

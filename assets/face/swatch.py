@@ -14,7 +14,7 @@ from assets.asset.asset import Asset
 from assets.errors import GeometryError
 from assets.texture.raster import rasterise
 
-COLOURS = np.array([(124, 54, 54), (226, 216, 198), (222, 212, 194), (156, 70, 72)])  # sRGB, as the kinds are
+COLOURS = np.array([(124, 54, 54), (208, 198, 180), (204, 194, 176), (156, 70, 72)])  # sRGB, as the kinds are
 DARKEST = 0.15  # of a colour's value at the back of the mouth
 BACK, FRONT = 0.108, 0.138  # m: depths, canonical
 LEAST, MOST = 3, 24  # texels on either side of the square's middle
