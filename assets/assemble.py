@@ -58,6 +58,10 @@ def rig(textured: TexturedAsset, draft: Draft) -> Asset:
         ),
         morphs=make_morphs(draft) if config.morphs else (),
     )
+    if config.face != "none":
+        from assets.face.face import with_face  # most assets are made without
+
+        asset = with_face(asset, body)
     return finish_skeleton(asset, config)
 
 

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 
 from assets.asset.bones import Bones
-from assets.content import CONTENTS, Content, Joints
+from assets.content import CONTENTS, FACES, Content, Face, Joints
 from assets.isosurface.extract import ExtractConfig
 from assets.scenes import find_scene
 from assets.simplify.simplify import Simplifier, SimplifyConfig
@@ -61,6 +61,7 @@ class BuildConfig:
     bones: Bones = "along"  # joints' frames have +y along their bones; world: they are the world's
     ends: bool = False  # a joint that moves nothing where each last bone ends
     morphs: bool = False  # a slider for each of the body's shape directions
+    face: Face = "none"  # shapes: lips and lids open, and ARKit's shapes and visemes are sliders
     on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it
 
     def __post_init__(self) -> None:
@@ -89,6 +90,7 @@ class BuildConfig:
             texture=scene.texture,
             normal_map=scene.normal_map,
             joints=scene.joints,
+            face=scene.face,
         )
 
     def check_recipe(self) -> None:
@@ -110,6 +112,10 @@ class BuildConfig:
                 f"found content {self.content} without a number of faces, whose charts would take minutes; "
                 "give one"
             )
+        if self.face not in FACES:
+            raise InputError(f"face: found {self.face!r}, wanted one of {', '.join(FACES)}")
+        if self.face != "none" and self.content != "rigged":
+            raise InputError(f"found a face of {self.face} on content {self.content}, which does not move")
         maps = {"a normal map": self.normal_map, "ambient occlusion": self.ambient_occlusion}
         wanted = [what for what, size in maps.items() if size is not None]
         if self.content == "mesh" and wanted:

@@ -9,6 +9,8 @@ from typing import Literal
 
 Content = Literal["mesh", "textured", "rigged"]
 Joints = Literal["all", "24", "moving"]
+Face = Literal["none", "shapes"]
+FACES: tuple[Face, ...] = ("none", "shapes")
 CONTENTS: tuple[Content, ...] = ("mesh", "textured", "rigged")
 
 

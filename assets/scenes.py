@@ -4,7 +4,7 @@ loads; `BuildConfig.for_scene` turns one into settings.
 
 from dataclasses import dataclass
 
-from assets.content import Content, Joints
+from assets.content import Content, Face, Joints
 from avatargen.errors import InputError
 
 DEFAULT = "game"
@@ -22,6 +22,7 @@ class Scene:
     texture: int = 1024
     normal_map: int | None = None  # texels along a side
     joints: Joints = "all"
+    face: Face = "none"
     for_slicers: bool = False  # what names no unit is in millimetres, z up
 
 

@@ -88,6 +88,10 @@ def build_parts(
     config = config or BuildConfig()
     if config.content != "rigged" or config.faces is None:
         raise InputError("parts: they are rigged and have a number of faces; leave the content as it is")
+    if config.face != "none":
+        raise InputError(
+            "parts: lips and lids are cut in one mesh; leave the face as it is, or make one mesh"
+        )
     layers = dict(avatar.layers)
     if config.faces < FEWEST * len(layers):
         raise InputError(

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pygltflib as gltf
-from jaxtyping import Int64, Shaped
+from jaxtyping import Float32, Int64, Shaped
 
 COMPONENT_TYPES = {
     "int8": gltf.BYTE,
@@ -60,6 +60,28 @@ class Binary:
         if bounds:
             columns = array.reshape(len(array), -1)  # bounds are lists, of a single number too
             accessor.min, accessor.max = columns.min(axis=0).tolist(), columns.max(axis=0).tolist()
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+    def add_sparse(self, array: Float32[np.ndarray, "N 3"], bounds: bool = False) -> int:
+        """Append an array that is zero nearly everywhere, as the rows that are not; returns its accessor's
+        index."""
+        rows = np.flatnonzero(array.any(axis=1))
+        accessor = gltf.Accessor(byteOffset=None, componentType=gltf.FLOAT, count=len(array), type=gltf.VEC3)
+        if len(rows):
+            index_type = np.uint16 if len(array) <= 65535 else np.uint32
+            accessor.sparse = gltf.Sparse(
+                count=len(rows),
+                indices=gltf.AccessorSparseIndices(
+                    bufferView=self.add_bytes(rows.astype(np.dtype(index_type).newbyteorder("<")).tobytes()),
+                    componentType=COMPONENT_TYPES[np.dtype(index_type).name],
+                ),
+                values=gltf.AccessorSparseValues(
+                    bufferView=self.add_bytes(array[rows].astype("<f4").tobytes())
+                ),
+            )
+        if bounds:
+            accessor.min, accessor.max = array.min(axis=0).tolist(), array.max(axis=0).tolist()
         self.accessors.append(accessor)
         return len(self.accessors) - 1
 

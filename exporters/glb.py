@@ -94,10 +94,9 @@ def add_morphs(mesh: gltf.Mesh, asset: PlainAsset, binary: Binary) -> None:
     if isinstance(asset, Asset) and asset.morphs:
         mesh.primitives[0].targets = morph_targets(asset, binary)
         mesh.weights = [0.0] * len(asset.morphs)
-        mesh.extras = {
-            "targetNames": [morph.name for morph in asset.morphs],
-            "targetJointOffsets": [morph.joints.round(6).tolist() for morph in asset.morphs],
-        }
+        mesh.extras = {"targetNames": [morph.name for morph in asset.morphs]}
+        if any(morph.normals is None for morph in asset.morphs):  # a face's shapes move no joint
+            mesh.extras["targetJointOffsets"] = [morph.joints.round(6).tolist() for morph in asset.morphs]
 
 
 def add_textures(

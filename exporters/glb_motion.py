@@ -81,8 +81,13 @@ def rest_quaternions(rest: Float64[np.ndarray, "J 4 4"]) -> Float64[np.ndarray, 
 
 
 def morph_targets(asset: Asset, binary: Binary) -> list[gltf.Attributes]:
-    """What each slider adds to the positions; viewers keep the normals of the unmorphed mesh."""
+    """What each slider adds to the positions and, where it says, to the normals; viewers keep those of the
+    unmorphed mesh otherwise. Sliders of a part of the mesh are stored by the vertices that they move."""
     return [
         gltf.Attributes(POSITION=binary.add_array(morph.vertices, gltf.ARRAY_BUFFER, bounds=True))
+        if morph.normals is None
+        else gltf.Attributes(
+            POSITION=binary.add_sparse(morph.vertices, bounds=True), NORMAL=binary.add_sparse(morph.normals)
+        )
         for morph in asset.morphs
     ]

@@ -96,9 +96,15 @@ def add_morphs(stage: Usd.Stage, asset: Asset, mesh: UsdGeom.Mesh) -> None:
     names = unique_names([morph.name for morph in asset.morphs], taken=set())
     paths = [mesh.GetPath().AppendChild(name) for name in names]
     for path, morph in zip(paths, asset.morphs, strict=True):
-        moved = np.flatnonzero(np.abs(morph.vertices).max(axis=1) > NEGLIGIBLE)
+        changed = np.abs(morph.vertices).max(axis=1) > NEGLIGIBLE
+        if morph.normals is not None:
+            changed |= morph.normals.any(axis=1)
+        moved = np.flatnonzero(changed)
         shape = UsdSkel.BlendShape.Define(stage, path)
         shape.CreateOffsetsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(morph.vertices[moved])))
+        if morph.normals is not None:
+            turned = np.ascontiguousarray(morph.normals[moved])
+            shape.CreateNormalOffsetsAttr(Vt.Vec3fArray.FromNumpy(turned))
         shape.CreatePointIndicesAttr(Vt.IntArray.FromNumpy(moved.astype(np.int32)))
     binding = UsdSkel.BindingAPI(mesh.GetPrim())
     binding.CreateBlendShapesAttr([morph.name for morph in asset.morphs])

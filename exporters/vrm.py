@@ -11,6 +11,7 @@ import numpy as np
 from assets.asset.asset import Asset, AssetInfo, PlainAsset
 from assets.asset.names import NAME_PRESETS, VRM_HUMAN_BONES
 from assets.asset.rig import Skeleton
+from assets.face.names import ARKIT, EXPRESSIONS, VISEMES
 from avatargen.errors import InputError
 from exporters import glb, vrma
 from exporters.encoding import PLAIN, Encoding
@@ -59,10 +60,30 @@ def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
             "specVersion": "1.0",
             "meta": meta(asset.info),
             "humanoid": {"humanBones": {bone: {"node": joint} for bone, joint in bones.items()}},
+            **expressions(asset, mesh_nodes),
             "firstPerson": {"meshAnnotations": [{"node": node, "type": "auto"} for node in mesh_nodes]},
         }
     }
     return glb.pack(document, data)
+
+
+def expressions(asset: Asset, nodes: list[int]) -> dict[str, object]:
+    """VRM's presets as sums of the asset's shapes, and each shape under its own name; nothing of an asset
+    without a face that moves."""
+    index = {morph.name: number for number, morph in enumerate(asset.morphs)}
+    if not set(ARKIT | VISEMES) <= set(index):
+        return {}
+
+    def expression(shapes: dict[str, float]) -> dict[str, object]:
+        binds = [
+            {"node": node, "index": index[name], "weight": weight}
+            for node in nodes
+            for name, weight in shapes.items()
+        ]
+        return {"morphTargetBinds": binds} if binds else {}
+
+    presets = {name: expression(shapes) for name, shapes in EXPRESSIONS.items()}
+    return {"expressions": {"preset": presets, "custom": {name: expression({name: 1.0}) for name in ARKIT}}}
 
 
 def human_bones(joint_names: tuple[str, ...]) -> dict[str, int]:

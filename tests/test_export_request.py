@@ -96,6 +96,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--bones": (ONE, (*ONE, "--bones", "world")),
     "--ends": (ONE, (*ONE, "--ends")),
     "--morphs": (ONE, (*ONE, "--morphs")),
+    "--face": (ONE, (*ONE, "--face", "shapes")),
     "--clip": (ONE, (*ONE, "--clip", "walk")),
     "--motion": (ONE, (*ONE, "--motion", "a.npz")),
     "--motion-up": ((*ONE, "--motion", "a.npz"), (*ONE, "--motion", "a.npz", "--motion-up", "y")),

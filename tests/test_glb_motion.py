@@ -156,3 +156,44 @@ def test_blender_plays_every_clip_on_a_person_with_sliders(tmp_path: Path) -> No
     person = rename_joints(animate(person, motions), "mixamo")
     check_in_blender(person, tmp_path, moments=3)
     assert khronos_issues(tmp_path / "asset.glb")["messages"] == []
+
+
+def with_a_face(asset: Asset) -> Asset:
+    """The asset with shapes of a part of its mesh that say how its normals turn, the last of which does
+    nothing."""
+    rng = np.random.default_rng(1)
+    part = np.arange(len(asset.vertices))[:, None] % 5 == 0
+    shapes = [
+        Morph(
+            name=name,
+            vertices=(part * rng.normal(size=asset.vertices.shape) * 0.01 * share).astype(np.float32),
+            normals=(part * rng.normal(size=asset.vertices.shape) * 0.1 * share).astype(np.float32),
+            joints=np.zeros((len(asset.skeleton.parents), 3)),
+        )
+        for name, share in (("jawOpen", 1), ("viseme_sil", 0))
+    ]
+    return replace(asset, morphs=tuple(shapes))
+
+
+def test_shapes_of_a_part_are_stored_sparsely(tmp_path: Path) -> None:
+    asset = with_a_face(swinging_tube())
+    export(asset, tmp_path / "tube.glb")
+    document = load((tmp_path / "tube.glb").read_bytes())
+    mesh = document.meshes[0]
+
+    assert khronos_issues(tmp_path / "tube.glb")["messages"] == []
+    assert mesh.extras == {"targetNames": ["jawOpen", "viseme_sil"]}
+    counts = []
+    for target in mesh.primitives[0].targets:
+        named = target if isinstance(target, dict) else vars(target)
+        for kind in ("POSITION", "NORMAL"):
+            accessor = document.accessors[named[kind]]
+            assert accessor.bufferView is None
+            counts.append(0 if accessor.sparse is None else accessor.sparse.count)
+    moved = int(asset.morphs[0].vertices.any(axis=1).sum())
+    assert counts == [moved, moved, 0, 0]
+    assert moved < 0.3 * len(asset.vertices)
+
+
+def test_blender_has_sparse_shapes_as_we_do(tmp_path: Path) -> None:
+    check_in_blender(with_a_face(swinging_tube()), tmp_path, moments=2)

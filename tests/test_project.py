@@ -36,7 +36,7 @@ FLOORS = {
         "isosurface simplify skin",
         "texture",
         "asset",
-        "build_config picture",
+        "build_config face picture",
         "charting choose poke",
         "draft",
         "assemble plan stages",

@@ -239,7 +239,7 @@ def alone(asset: Asset, part: Part) -> Asset:
         occlusion=None if asset.occlusion is None else cut(asset.occlusion, part),
         joints=asset.joints[rows],
         weights=asset.weights[rows],
-        morphs=tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs),
+        morphs=tuple(morph.of(rows) for morph in asset.morphs),
         parts=(),
     )
 

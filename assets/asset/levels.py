@@ -89,7 +89,7 @@ def of_vertices(
         if asset.normal_map is not None:
             parts["normal_map"] = replace(asset.normal_map, tangents=asset.normal_map.tangents[uv_rows])
     if isinstance(asset, Asset):
-        parts["morphs"] = tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs)
+        parts["morphs"] = tuple(morph.of(rows) for morph in asset.morphs)
     return parts
 
 

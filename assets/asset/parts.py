@@ -111,7 +111,7 @@ def keep(asset: Asset, names: Collection[str]) -> Asset:
         normal_map=normal_map,
         joints=asset.joints[rows],
         weights=asset.weights[rows],
-        morphs=tuple(replace(morph, vertices=morph.vertices[rows]) for morph in asset.morphs),
+        morphs=tuple(morph.of(rows) for morph in asset.morphs),
         parts=tuple(replace(p, vertices=v, faces=f) for p, v, f in zip(kept, vertices, faces, strict=True)),
     )
 

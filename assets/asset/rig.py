@@ -5,7 +5,7 @@ Letters: J joints, T frames of an animation, W vertices of the asset. Metres, ra
 its rotations are zero; the asset's rest pose is the one its vertices stand in.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64
@@ -112,7 +112,19 @@ class Morph:
     name: str
     vertices: Float32[np.ndarray, "W 3"]  # metres
     joints: Float64[np.ndarray, "J 3"]  # metres
+    normals: Float32[np.ndarray, "W 3"] | None = None  # what normals gain; None: viewers keep those at rest
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.vertices).all() or not np.isfinite(self.joints).all():
+        arrays = (self.vertices, self.joints, *(() if self.normals is None else (self.normals,)))
+        if not all(np.isfinite(array).all() for array in arrays):
             raise GeometryError(f"morph {self.name}: it moves vertices or joints by NaN or infinity")
+        if self.normals is not None and self.normals.shape != self.vertices.shape:
+            raise GeometryError(
+                f"morph {self.name}: {len(self.normals)} normals for {len(self.vertices)} vertices"
+            )
+
+    def of(self, rows: Int64[np.ndarray, " N"] | slice) -> "Morph":
+        """The same slider of some of the vertices."""
+        return replace(
+            self, vertices=self.vertices[rows], normals=None if self.normals is None else self.normals[rows]
+        )

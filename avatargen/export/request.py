@@ -245,6 +245,10 @@ def check_parts(request: ExportRequest, wanted: Format) -> None:
             "found --parts separate, but what is made holds no rigged parts; choose glb, vrm or usdz, and a "
             "scene that moves"
         )
+    if request.build.face != "none":
+        raise InputError(
+            "found --parts separate with --face shapes, which cuts lips and lids in one mesh; leave one out"
+        )
     if request.levels or request.chosen:
         raise InputError(
             "found --parts separate with --lods, --tolerance or --budget, which are of one mesh; leave those "

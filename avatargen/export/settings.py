@@ -24,7 +24,7 @@ def settings_for(scene_name: str, format_name: str, **given: Any) -> BuildConfig
     scene, wanted = find_scene(scene_name), find_format(f"avatar.{format_name}")
     content = given.get("content") or min(scene.content, wanted.content, key=CONTENTS.index)
     if content != "rigged":
-        for name, left in (("joints", scene.joints), ("bones", "along")):
+        for name, left in (("joints", scene.joints), ("bones", "along"), ("face", scene.face)):
             if given.get(name, left) != left:
                 raise InputError(
                     f"found --{name} {given[name]}, but what is made holds no skeleton ({content}); leave "
@@ -37,6 +37,7 @@ def settings_for(scene_name: str, format_name: str, **given: Any) -> BuildConfig
         "content": content,
         "faces": scene.faces if content == "mesh" else scene.faces or DEFAULT_FACES,
         "normal_map": scene.normal_map if "normal" in held else None,
+        "face": scene.face if content == "rigged" else "none",
     }
     if wanted.rest_pose is not None:
         chosen["pose"] = wanted.rest_pose

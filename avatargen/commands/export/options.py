@@ -45,6 +45,7 @@ examples:
   avatar-export --seed 3 --out person.glb --report person.json --preview person.png
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
+  avatar-export --seed 3 --face shapes --format vrm
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
   avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
@@ -284,6 +285,11 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     )
     add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
+    add(
+        "--face",
+        choices=("none", "shapes"),
+        help="shapes: lips and lids open; ARKit's 52 shapes, 15 visemes (default: none, or by --scene)",
+    )
 
 
 def add_animation_options(group: _ArgumentGroup) -> None:

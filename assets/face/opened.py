@@ -1,0 +1,140 @@
+"""A face that can open: the mesh cut along lips and lids, with the inside of a mouth, and how the canonical
+body's displacements reach each of its vertices.
+
+Letters: V welded vertices, the skin's and then the mouth's own; S the skin's. Metres.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse.csgraph import dijkstra
+
+from assets.errors import GeometryError
+from assets.face.carry import carriers, near_lips
+from assets.face.curves import FRONT, Curves, cut_lids, cut_lips, face_curves, refined
+from assets.face.cut import CutMesh, double
+from assets.face.mouth import Inside, mouth_inside
+from avatargen.body.face import FaceUnits
+from avatargen.body.model import CanonicalBody
+
+STANDS_OFF = 0.006  # m from the body that a face's skin may lie: beyond it is hair or a mask
+ROUNDS = 8  # of smoothing what is carried
+SMOOTHED = 0.02  # m from the curves
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenFace:
+    """The mesh and what its shapes are made of."""
+
+    mesh: CutMesh
+    inside: Inside
+    upper: Int64[np.ndarray, " K"]  # the lips' rims, welded, from the right corner to the left
+    lower: Int64[np.ndarray, " K"]
+    above: Bool[np.ndarray, " S"]  # on the upper lip's side
+    carry: csr_array  # S x the units' vertices
+    curves: Curves
+    units: FaceUnits
+
+    @property
+    def places(self) -> Float64[np.ndarray, "V 3"]:
+        """Canonical places."""
+        return np.concatenate([self.mesh.points, self.inside.places])
+
+    @property
+    def faces(self) -> Int64[np.ndarray, "F 3"]:
+        """Of welded vertices."""
+        return np.concatenate([self.mesh.welded_faces, self.inside.faces])
+
+    def unit(self, name: str) -> Float64[np.ndarray, "V 3"]:
+        """How far a unit moves each vertex, canonically."""
+        moved = self.units.unit(name, self.units.body_vertices + len(self.units.inner))
+        return np.concatenate([self.carry @ moved, moved[self.inside.source]])
+
+
+def open_face(mesh: CutMesh, body: CanonicalBody, units: FaceUnits) -> OpenFace:
+    """Cut a mesh in canonical space along the body's lips and lids.
+
+    Raises:
+        GeometryError: something else than skin lies over them, or the lips' line breaks off.
+    """
+    at = body.vertices.astype(np.float64)
+    curves = face_curves(units, at)
+    require_skin(mesh.points, body, curves)
+    mesh = refined(mesh, curves)
+    for eye in (0, 1):
+        mesh = cut_lids(mesh, curves, eye)
+    mesh, upper = cut_lips(mesh, curves)
+    mesh, lower = double(mesh, upper)
+    above = upper_side(mesh, upper, lower, curves)
+    carry = carriers(mesh.points, above, upper, lower, units, at, body.faces, curves)
+    fixed = np.concatenate([upper, lower, np.flatnonzero(within_lids(mesh.points, curves))])
+    return OpenFace(
+        mesh=mesh,
+        inside=mouth_inside(mesh, upper, lower, units, at),
+        upper=upper,
+        lower=lower,
+        above=above,
+        carry=smoothed(mesh, carry, curves, fixed),
+        curves=curves,
+        units=units,
+    )
+
+
+def require_skin(points: Float64[np.ndarray, "S 3"], body: CanonicalBody, curves: Curves) -> None:
+    """Raises GeometryError where the surface over lips and eyes is not the body's."""
+    near = np.flatnonzero(curves.distance(points) < 0.004)
+    if not len(near):
+        return
+    off = np.abs(body.distance.query(points[near]).distance)
+    if off.max() > STANDS_OFF:
+        raise GeometryError(
+            f"face: something lies {1e3 * off.max():.0f} mm before lips or eyes; leave the face as it is"
+        )
+
+
+def within_lids(points: Float64[np.ndarray, "S 3"], curves: Curves) -> Bool[np.ndarray, " S"]:
+    """On an eye, or on the margin of its lids."""
+    off = np.min([curves.outside(points, eye) for eye in (0, 1)], axis=0)
+    return (off < 3e-4) & (points[:, 2] > FRONT)
+
+
+def edge_matrix(mesh: CutMesh) -> csr_array:
+    """One over the length of each edge, both ways."""
+    edges, points = mesh.edges(), mesh.points
+    value = 1 / np.maximum(np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1), 1e-5)
+    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    return csr_array(coo_array((np.concatenate([value, value]), (rows, columns)), shape=(len(points),) * 2))
+
+
+def upper_side(
+    mesh: CutMesh, upper: Int64[np.ndarray, " K"], lower: Int64[np.ndarray, " K"], curves: Curves
+) -> Bool[np.ndarray, " S"]:
+    """Whether a vertex lies nearer, along the surface, to the upper lip's rim than to the lower one's."""
+    points = mesh.points
+    above = curves.above_lips(points) > 0
+    near = np.flatnonzero(near_lips(points, curves))
+    lengths = edge_matrix(mesh)
+    lengths.data = 1 / lengths.data
+    number = np.full(len(points), -1)
+    number[near] = np.arange(len(near))
+    way = [
+        dijkstra(lengths[near][:, near], directed=False, indices=number[rim[1:-1]], min_only=True)
+        for rim in (upper, lower)
+    ]
+    told = np.isfinite(way[0]) | np.isfinite(way[1])
+    above[near[told]] = (way[0] < way[1])[told]
+    return above
+
+
+def smoothed(mesh: CutMesh, carry: csr_array, curves: Curves, fixed: Int64[np.ndarray, " N"]) -> csr_array:
+    """What is carried near the curves as the mean of neighbours'; of fixed vertices as it is."""
+    share = (curves.distance(mesh.points) < SMOOTHED).astype(np.float64)
+    share[fixed] = 0
+    graph = edge_matrix(mesh)
+    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1e-12)) @ graph
+    step = diags_array(1 - share / 2) + diags_array(share / 2) @ mean
+    for _ in range(ROUNDS):
+        carry = csr_array(step @ carry)
+    return carry

@@ -1,0 +1,59 @@
+"""Every shape of a face as displacements of its vertices: the recipes of `assets.face.names` mixed from
+motions.
+
+Letters: V welded vertices. Metres, canonical space.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float64
+
+from assets.face.motions import Motions, smooth
+from assets.face.names import ARKIT, VISEMES, Recipe
+from assets.face.opened import OpenFace
+
+MIDDLE = 0.010  # m on either side of the nose within which left and right are mixed
+CORNERS = 0.006  # m before the lips' corners within which upper and lower are mixed
+
+
+def face_shapes(
+    face: OpenFace, own: Float64[np.ndarray, "V 3"]
+) -> Iterator[tuple[str, Float64[np.ndarray, "V 3"]]]:
+    """ARKit's 52 shapes and the 15 visemes, by name; `own` are the places of the person's own face, as large
+    and upright as the canonical one."""
+    motions = Motions(face, own)
+    sides = side_shares(motions)
+    known: dict[str, Float64[np.ndarray, "V 3"]] = {}
+    for name, recipe in (ARKIT | VISEMES).items():
+        yield name, mixed(motions, sides, recipe, known)
+
+
+def mixed(
+    motions: Motions,
+    sides: dict[str, Float64[np.ndarray, " V"]],
+    recipe: Recipe,
+    known: dict[str, Float64[np.ndarray, "V 3"]],
+) -> Float64[np.ndarray, "V 3"]:
+    """The sum of a recipe's terms."""
+    found = np.zeros_like(motions.at)
+    for name, share, where in recipe:
+        if name not in known:
+            known[name] = motions.named(name)
+        part = share * known[name]
+        for side, shares in sides.items():
+            if side in where:
+                part = part * shares[:, None]
+        found += part
+    return found
+
+
+def side_shares(motions: Motions) -> dict[str, Float64[np.ndarray, " V"]]:
+    """How much a vertex belongs to the left or right half, and to what is above or below the lips."""
+    left = smooth(motions.at[:, 0], -MIDDLE, MIDDLE)
+    corner = motions.face.curves.lips[-1, 0]
+    apart = 1 - smooth(np.abs(motions.at[:, 0]), corner - CORNERS, corner)
+    by_height = smooth(motions.over, -0.02, 0.02)
+    at_lips = apart * (1 - smooth(np.abs(motions.over), 0.01, 0.02))
+    up = at_lips * motions.upper_side() + (1 - at_lips) * by_height
+    return {"left": left, "right": 1 - left, "up": up, "down": 1 - up}
