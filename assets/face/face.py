@@ -161,7 +161,7 @@ def face_morphs(
     for name, canonical in face_shapes(face, own):
         moved = fade[:, None] * (canonical @ turn.T)
         moved[np.abs(moved).max(axis=1) < STILL] = 0
-        turned = turned_normals(rest + moved, faces, moved.any(axis=1), normals)
+        turned = turned_normals(rest + moved, faces, np.asarray(moved.any(axis=1)), normals)
         yield Morph(
             name=name,
             vertices=moved[asset.welded].astype(np.float32),
