@@ -44,7 +44,7 @@ from avatargen.errors import InputError
 Hidden = Literal["drop", "keep"]
 BODY = "body"
 PIECE = 0.25  # of the largest piece's volume from which another one stays, such as the other shoe
-LOOK = 64  # cells along the bounds' longest side, to see how large a layer is
+LOOK = 128  # cells along the bounds' longest side, to see how large a layer is
 DETAIL = {BODY: 4.0, "hair": 1.5, "shoes": 1.5}  # faces for an area, by those that cloth needs
 CROWDED = 1.6  # faces for an area of what is seen of a body, by those of all of it
 FEWEST = 100  # faces of a part

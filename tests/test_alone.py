@@ -90,3 +90,14 @@ def test_a_person_of_one_field_has_no_layers(people):
     with pytest.raises(InputError, match="one field"):
         _ = layer.layers
     assert not layer.hidden.any()
+
+
+def test_hair_is_a_wig(people):
+    """Deep within the head there is none, and none of its surface: its field says nothing there."""
+    for avatar in people:
+        points = around(avatar, 6000, 0.03)
+        points = points[points[:, 1] > 0.65]
+        above = avatar.body.distance.query(points).distance
+        found = avatar.layers["hair"].sdf(torch.from_numpy(points)).numpy()
+        assert (found[above < -0.02] > 0.01).all() and (above < -0.02).sum() > 20
+        assert (found < 0).any()

@@ -36,6 +36,7 @@ FADE = 0.015  # m along the cloth, from where it begins to hide to where it sure
 SINK = 0.004  # m that it lies deeper beneath them than in one surface: moving parts need some room
 OUT = 0.012  # m outside a garment at which nothing lies beneath it any more
 MARGIN = 0.008  # m along the cloth from its edges that is as good as the edge: rims are learned
+WIG = 0.008  # m beneath the skin down to which hair goes: deep in the head its field says nothing
 DEEPEST = 0.015  # m that a layer gives way to those over it: more would tear it
 
 
@@ -95,7 +96,7 @@ class LayerField:
     def cloth_distance(
         self, cloth: Cloth, moved: Float32[np.ndarray, "N 3"], hit: BodyHit
     ) -> Float64[np.ndarray, " N"]:
-        """A garment inside those over it, or hair under a hat."""
+        """A garment inside those over it, or hair under a hat, as a wig."""
         distance = cloth.distance.astype(np.float64)
         for over in self.over:
             outer = whole(over, moved, hit, coloured=False)
@@ -103,6 +104,8 @@ class LayerField:
                 distance = beneath(distance, outer, at_edges(outer.rim))
             elif over.opening is not None:
                 distance = under_hat(distance, outer.distance, over.opening.above(moved))
+        if self.layer is self.person.hair:
+            distance = np.maximum(distance, -hit.distance - WIG)
         return distance
 
 
