@@ -65,7 +65,7 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["--seed", "3", "--texture", "1000000"], "--texture: found '1000000'"),
         (["--seed", "3", "--resolution", "high"], "--resolution: found 'high'"),
         (["--seed", "3", "--resolution", "4096"], "--resolution: found '4096'"),
-        (["--seed", "3", "--fac", "500"], "found --fac, which is no option; did you mean --faces or --face? see "),
+        (["--seed", "3", "--fac", "500"], "found --fac, which is no option; did you mean --faces or --face?"),
         (["--sede", "3"], "found --sede, which is no option; did you mean --seed?"),
         (["-seed", "3"], "found -seed, which is no option; did you mean --seed?"),
         (
