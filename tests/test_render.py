@@ -95,7 +95,7 @@ def test_a_seed_is_built_in_the_rest_pose(
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ([], "required: SEED|FILE.glb"),
+        ([], "required: SEED|FILE"),
         (["-1"], "found '-1', which is no seed"),
         (["none.glb"], "found 'none.glb', which is no seed and no .glb file"),
         (["99999999999999999999"], "no seed"),
