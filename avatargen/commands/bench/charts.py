@@ -35,8 +35,10 @@ def measure_charts(avatar: Avatar, config: BuildConfig) -> Iterator[ChartRow]:
     """Both ways on the person's mesh."""
     assert config.faces is not None, "charts are of so many faces"
     surface = default_surface(avatar, config.resolution, config.faces)
-    density = texel_scale(find_pattern(surface, avatar.body).detail, config.head_detail)
+    detail = find_pattern(surface, avatar.body).detail
     for way, cut in WAYS.items():
+        finest = detail if cut is cut_charts else np.minimum(detail, 1)  # xatlas knows heads, not faces
+        density = texel_scale(finest, config.head_detail)
         with measured() as cost:
             atlas = cut(surface, avatar.body, config)
         found = measure_atlas(surface, atlas, density)
