@@ -152,7 +152,10 @@ def test_two_processes_step_as_one_does(folder: Path):
     states = [torch.load(folder / name / "state.pt", weights_only=True) for name in ("one", "two")]
     for part in ("generator", "discriminator"):
         a, b = (state[part] for state in states)
-        assert max(float((a[name] - b[name]).abs().max()) for name in a) < 2e-4, part
+        # Adam's first steps are a rate (2e-3) whatever the gradient: one that is nearly nothing may differ
+        assert max(float((a[name] - b[name]).abs().max()) for name in a) < 5e-4, part
+        off = torch.cat([(a[name] - b[name]).abs().flatten() for name in a])
+        assert float(off.mean()) < 1e-6, (part, float(off.mean()))
     moments = [state["generator_optimizer"]["state"][0]["exp_avg"] for state in states]
     assert (moments[0] - moments[1]).abs().max() < 1e-3 * moments[0].abs().max()
 
