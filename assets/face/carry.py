@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 from scipy.sparse import coo_array, csr_array
 
-from assets.face.curves import FRONT, Curves
+from assets.face.curves import FRONT, Curves, nearest_segment
 from avatargen.body.face import FaceUnits
 from avatargen.mesh.closest import ClosestPoints
 
@@ -97,11 +97,7 @@ def on_loop(
     """Vertices on a lid's margin between the nearest two of the body's."""
     vertex = np.flatnonzero(at_rim & (points[:, 2] > FRONT))
     ends = np.roll(loop, -1)
-    start, way = body[loop, :2], body[ends, :2] - body[loop, :2]
-    off = points[vertex, None, :2] - start
-    share = np.clip((off * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-18), 0, 1)
-    side = np.linalg.norm(off - share[..., None] * way, axis=2).argmin(axis=1)
-    share = share[np.arange(len(vertex)), side]
+    side, share, _ = nearest_segment(points[vertex, :2], body[loop, :2], body[ends, :2])
     return vertex, np.stack([loop[side], ends[side]], axis=1), np.stack([1 - share, share], axis=1)
 
 

@@ -56,17 +56,19 @@ class Curves:
         near = np.flatnonzero(((flat > low) & (flat < high)).all(axis=1) & (points[:, 2] > FRONT))
         starts = np.concatenate([self.lips[:-1], *self.lids])
         ends = np.concatenate([self.lips[1:], *(np.roll(loop, -1, axis=0) for loop in self.lids)])
-        found[near] = to_segments(flat[near], starts, ends)
+        found[near] = nearest_segment(flat[near], starts, ends)[2]
         return found
 
 
-def to_segments(
+def nearest_segment(
     points: Float64[np.ndarray, "N 2"], starts: Float64[np.ndarray, "K 2"], ends: Float64[np.ndarray, "K 2"]
-) -> Float64[np.ndarray, " N"]:
-    """Distance to the nearest of some segments."""
+) -> tuple[Int64[np.ndarray, " N"], Float64[np.ndarray, " N"], Float64[np.ndarray, " N"]]:
+    """Of some segments the nearest one's number, how far along it the point lies, 0..1, and the distance."""
     way, off = ends - starts, points[:, None] - starts
     share = np.clip((off * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-18), 0, 1)
-    return np.linalg.norm(off - share[..., None] * way, axis=2).min(axis=1)
+    distance = np.linalg.norm(off - share[..., None] * way, axis=2)
+    row, nearest = np.arange(len(points)), distance.argmin(axis=1)
+    return nearest, share[row, nearest], distance[row, nearest]
 
 
 def to_polygon(
@@ -78,7 +80,7 @@ def to_polygon(
     crosses = (loop[:, 1] > y) != (ends[:, 1] > y)
     rise = np.where(np.abs(ends[:, 1] - loop[:, 1]) > 1e-12, ends[:, 1] - loop[:, 1], 1e-12)
     right = x < loop[:, 0] + (y - loop[:, 1]) / rise * (ends[:, 0] - loop[:, 0])
-    return to_segments(points, loop, ends), (crosses & right).sum(axis=1) % 2 == 1
+    return nearest_segment(points, loop, ends)[2], (crosses & right).sum(axis=1) % 2 == 1
 
 
 def face_curves(units: FaceUnits, body: Float64[np.ndarray, "B 3"]) -> Curves:

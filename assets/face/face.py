@@ -14,12 +14,14 @@ from jaxtyping import Bool, Float, Float64, Int64
 from assets.asset.asset import Asset
 from assets.asset.rig import Morph
 from assets.face.cut import CutMesh
+from assets.face.motions import smooth
 from assets.face.mouth import go_along
 from assets.face.opened import OpenFace, open_face
 from assets.face.shapes import face_shapes
 from assets.face.swatch import COLOURS, Swatch, free_square
 from assets.mesh.surface import Surface, vertex_normals
 from assets.skin.skin import limit_influences
+from assets.texture.normal_map import unit
 from avatargen.body.face import FaceUnits, load_face
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
@@ -194,8 +196,7 @@ def head_share(asset: Asset) -> Float64[np.ndarray, " W"]:
     """1 where head and neck move a vertex, 0 where they do not."""
     names = asset.skeleton.joint_names
     moving = np.isin(asset.joints, [names.index(name) for name in ("head", "neck") if name in names])
-    share = np.clip((asset.weights * moving).sum(axis=1, dtype=np.float64) / 0.6, 0, 1)
-    return share * share * (3 - 2 * share)
+    return smooth((asset.weights * moving).sum(axis=1, dtype=np.float64), 0.0, 0.6)
 
 
 def face_size(face: OpenFace, rest: Float64[np.ndarray, "V 3"]) -> float:
@@ -208,10 +209,6 @@ def face_size(face: OpenFace, rest: Float64[np.ndarray, "V 3"]) -> float:
 def joined(*parts: Float[np.ndarray, "_ C"]) -> np.ndarray:
     """One below the other, in single precision."""
     return np.concatenate(parts).astype(np.float32)
-
-
-def unit(vectors: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, "N 3"]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
 
 
 def unit_tangents(tangents: Float64[np.ndarray, "N 4"]) -> Float64[np.ndarray, "N 4"]:
