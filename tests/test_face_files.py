@@ -21,8 +21,13 @@ from tests.verdicts import khronos_issues
 
 @pytest.fixture(scope="module")
 def person() -> Asset:
-    """The capsule figure with every shape of a face, each of some of its vertices."""
-    asset, rng = figure(), np.random.default_rng(0)
+    """The capsule figure with every shape of a face."""
+    return with_shapes(figure())
+
+
+def with_shapes(asset: Asset) -> Asset:
+    """The asset with every shape of a face, each of some of its vertices."""
+    rng = np.random.default_rng(0)
     shapes = []
     for name in (*ARKIT, *VISEMES):
         moved = (rng.random((len(asset.vertices), 1)) < 0.1) * (name != "viseme_sil")
@@ -44,7 +49,7 @@ def test_vrm_has_all_presets_and_every_shape_under_its_own_name(tmp_path: Path, 
     names = document.meshes[0].extras["targetNames"]
 
     assert set(expressions["preset"]) == set(EXPRESSIONS)
-    assert set(expressions["custom"]) == set(ARKIT)
+    assert set(expressions["custom"]) == set(ARKIT | VISEMES)
     blink = expressions["preset"]["blink"]["morphTargetBinds"]
     assert [names[bind["index"]] for bind in blink] == ["eyeBlinkLeft", "eyeBlinkRight"]
     assert all(document.nodes[bind["node"]].mesh is not None for bind in blink)

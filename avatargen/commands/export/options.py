@@ -27,6 +27,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.seeds import RANDOM, draw_seed
 from avatargen.errors import InputError
+from avatargen.motion.names import BODY_CLIPS, FACE_CLIPS, parts_of
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -46,6 +47,7 @@ examples:
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seed 3 --face shapes --format vrm
+  avatar-export --seed 3 --face shapes --say "Hello there" --clip idle,say
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
   avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
@@ -299,8 +301,21 @@ def add_animation_options(group: _ArgumentGroup) -> None:
         "--clip",
         dest="clips",
         action="append",
-        choices=("idle", "walk", "wave", "range"),
-        help="add a built-in animation; may be repeated",
+        type=clip,
+        metavar="CLIP[,CLIP..]",
+        help=f"add a built-in animation: {', '.join(BODY_CLIPS)}; with --face also {', '.join(FACE_CLIPS)}; "
+        "several with commas between play at once, as walk,talk; may be repeated",
+    )
+    add(
+        "--say",
+        metavar="TEXT",
+        help="with --face: add an animation `say` of a mouth that says this English text",
+    )
+    add(
+        "--phonemes",
+        type=Path,
+        metavar="FILE.json",
+        help="instead of --say: sounds with their times, as a speech program tells them",
     )
     add(
         "--motion",
@@ -371,6 +386,15 @@ def make_request(options: Namespace) -> "ExportRequest":
         ),
         **given(ExportRequest, options),
     )
+
+
+def clip(text: str) -> str:
+    """An argument type: a clip, or several at once."""
+    try:
+        parts_of(text)
+    except InputError as error:
+        raise ArgumentTypeError(str(error)) from None
+    return text
 
 
 def format_name(text: str) -> str:
