@@ -20,6 +20,7 @@ from avatargen.commands.line import (
     FEWEST_FACES,
     MOST_FACES,
     OneLineParser,
+    clip_name,
     falling_numbers,
     positive_number,
     quantity,
@@ -27,7 +28,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.seeds import RANDOM, draw_seed
 from avatargen.errors import InputError
-from avatargen.motion.names import BODY_CLIPS, FACE_CLIPS, parts_of
+from avatargen.motion.names import BODY_CLIPS, FACE_CLIPS
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -282,8 +283,9 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     )
     add(
         "--bones",
-        choices=("along", "world"),
-        help="joints' frames: +y along each bone, as modellers draw it, or the world's axes (default: along)",
+        choices=("along", "mixamo", "world"),
+        help="joints' frames: +y along each bone, as modellers draw it; mixamo: so, and arms rolled as its "
+        "animations want; world: the world's axes (default: along)",
     )
     add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
@@ -301,7 +303,7 @@ def add_animation_options(group: _ArgumentGroup) -> None:
         "--clip",
         dest="clips",
         action="append",
-        type=clip,
+        type=clip_name,
         metavar="CLIP[,CLIP..]",
         help=f"add a built-in animation: {', '.join(BODY_CLIPS)}; with --face also {', '.join(FACE_CLIPS)}; "
         "several with commas between play at once, as walk,talk; may be repeated",
@@ -386,15 +388,6 @@ def make_request(options: Namespace) -> "ExportRequest":
         ),
         **given(ExportRequest, options),
     )
-
-
-def clip(text: str) -> str:
-    """An argument type: a clip, or several at once."""
-    try:
-        parts_of(text)
-    except InputError as error:
-        raise ArgumentTypeError(str(error)) from None
-    return text
 
 
 def format_name(text: str) -> str:
