@@ -69,7 +69,7 @@ def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:
     """The skeleton with the joints and the frames that are wanted."""
     asset = drop_idle_joints(asset) if config.joints == "moving" else asset
     asset = add_ends(asset) if config.ends else asset
-    return aim_bones(asset) if config.bones == "along" else asset
+    return asset if config.bones == "world" else aim_bones(asset, config.bones)
 
 
 def make_morphs(draft: Draft) -> tuple[Morph, ...]:
