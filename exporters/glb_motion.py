@@ -1,7 +1,8 @@
 """Animations and morph targets of an asset as glTF has them.
 
-A joint's channel turns its node, the root's also moves it. Joints that no animation moves have no channel,
-and frames within a run that stands still are left out: between two equal keys every viewer stays where it is.
+A joint's channel turns its node, the root's and the hips' also move them. Joints that no animation moves have
+no channel, and frames within a run that stands still are left out: between two equal keys every viewer stays
+where it is.
 """
 
 import numpy as np
@@ -22,8 +23,8 @@ def animations(asset: Asset, binary: Binary) -> list[gltf.Animation]:
     return [encode_animation(animation, moved, turned, binary) for animation in asset.animations]
 
 
-def moving_parts(asset: Asset) -> tuple[bool, list[int]]:
-    """Whether the root leaves its place, and the joints that leave their rest turn, in any animation.
+def moving_parts(asset: Asset) -> tuple[list[int], list[int]]:
+    """The joints that leave their place, and those that leave their rest turn, in any animation.
 
     All animations have channels for all of them: a viewer that changes from one to the next then leaves no
     joint where the last one had it.
@@ -35,15 +36,20 @@ def moving_parts(asset: Asset) -> tuple[bool, list[int]]:
         for joint in range(len(rest))
         if not all(stays(each.rotations[:, joint], quaternions[joint]) for each in asset.animations)
     ]
-    moved = not all(stays(each.root, rest[0, :3, 3]) for each in asset.animations)
-    return moved or not turned, turned  # glTF wants a channel at least
+    moved = [
+        joint
+        for joint in (asset.animations[0].ways if asset.animations else ())
+        if not all(stays(each.ways[joint], rest[joint, :3, 3]) for each in asset.animations)
+    ]
+    return moved if moved or turned else [0], turned  # glTF wants a channel at least
 
 
-def encode_animation(animation: Animation, moved: bool, turned: list[int], binary: Binary) -> gltf.Animation:
-    """A channel for the root's way where `moved`, and one for each joint in `turned`."""
-    channels = [("rotation", joint, animation.rotations[:, joint]) for joint in turned]
-    if moved:
-        channels.insert(0, ("translation", 0, animation.root))
+def encode_animation(
+    animation: Animation, moved: list[int], turned: list[int], binary: Binary
+) -> gltf.Animation:
+    """A channel for the way of each joint in `moved`, and one for each joint in `turned`."""
+    channels = [("translation", joint, animation.ways[joint]) for joint in moved]
+    channels += [("rotation", joint, animation.rotations[:, joint]) for joint in turned]
     encoded = gltf.Animation(name=animation.name)
     clock: dict[bytes, int] = {}  # channels with the same times share them
     for path, node, wide in channels:

@@ -11,6 +11,7 @@ import numpy as np
 from assets.asset.asset import Asset, AssetInfo, PlainAsset
 from assets.asset.names import NAME_PRESETS, VRM_HUMAN_BONES
 from assets.asset.rig import Skeleton
+from assets.asset.root_bone import on_hips
 from assets.face.names import ARKIT, EXPRESSIONS, VISEMES
 from avatargen.errors import InputError
 from exporters import glb, vrma
@@ -36,7 +37,8 @@ def encode_files(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) 
     files = (File(name, encode(asset, encoding)),)
     if not isinstance(asset, Asset) or not asset.animations:
         return files
-    return (*files, File(motion_name, vrma.encode(asset, human_bones(asset.skeleton.joint_names))))
+    moving = on_hips(asset) if asset.skeleton.armature else asset
+    return (*files, File(motion_name, vrma.encode(moving, human_bones(asset.skeleton.joint_names))))
 
 
 def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:

@@ -95,6 +95,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--names": (ONE, (*ONE, "--names", "unity")),
     "--bones": (ONE, (*ONE, "--bones", "world")),
     "--ends": (ONE, (*ONE, "--ends")),
+    "--root": (ONE, (*ONE, "--root")),
     "--morphs": (ONE, (*ONE, "--morphs")),
     "--face": (ONE, (*ONE, "--face", "shapes")),
     "--clip": (ONE, (*ONE, "--clip", "walk")),

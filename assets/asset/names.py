@@ -1,8 +1,9 @@
 """Names of joints that other programs expect, for a skeleton whose joints have SMPL's names.
 
 `unity` are Unity's human bones, which VRM's are in camel case; `mixamo` those of Mixamo's rigs; `unreal`
-those of Unreal's mannequins. SMPL's `left_hand` sits at the middle finger's knuckle and moves all fingers, so
-it has that bone's name. A joint that a table does not have keeps its own name.
+those of Unreal's mannequins; `rpm` Mixamo's without their prefix, as Ready Player Me's avatars have them.
+SMPL's `left_hand` sits at the middle finger's knuckle and moves all fingers, so it has that bone's name. A
+joint that a table does not have keeps its own name.
 """
 
 from dataclasses import replace
@@ -68,8 +69,8 @@ def preset_tables() -> dict[str, dict[str, str]]:
     for side in ("left", "right"):
         mixamo[f"{side}_foot_end"] = f"{side.capitalize()}Toe_End"
         mixamo |= {f"{side}_{f}3_end": f"{side.capitalize()}Hand{f.capitalize()}4" for f in FINGERS}
-    mixamo = {joint: f"mixamorig:{name}" for joint, name in mixamo.items()}
-    return {"smpl": {}, "mixamo": mixamo, "unity": unity, "unreal": unreal}
+    prefixed = {joint: f"mixamorig:{name}" for joint, name in mixamo.items()}
+    return {"smpl": {}, "mixamo": prefixed, "unity": unity, "unreal": unreal, "rpm": mixamo}
 
 
 NAME_PRESETS = preset_tables()

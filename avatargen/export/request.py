@@ -36,7 +36,7 @@ Clip = Literal["idle", "walk", "wave", "range"]
 Source = Literal["generator", "wardrobe"]
 Parts = Literal["merged", "separate"]
 Hidden = Literal["drop", "keep"]
-Names = Literal["smpl", "mixamo", "unity", "unreal"]
+Names = Literal["smpl", "mixamo", "unity", "unreal", "rpm"]
 TextureFrom = Literal["photo", "field"]
 NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
 
@@ -78,6 +78,7 @@ class ExportRequest:
     levels: tuple[int, ...] = ()  # triangles of the coarser levels of detail, falling
     # what: the rig
     names: Names = "smpl"  # whose names the joints get
+    root: bool = False  # a bone on the ground carries the animations' way
     clips: tuple[Clip, ...] = ()
     motions: tuple[Path, ...] = ()  # AMASS-style files, .npz
     fps: float = 30.0  # of the animations
@@ -217,12 +218,13 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
         raise InputError(
             "found --fps, --speed, --mirror or --in-place without an animation; give --clip or --motion too"
         )
-    moves = request.clips or request.motions or build.morphs or build.ends or request.names != "smpl"
+    moves = request.clips or request.motions or build.morphs or build.ends or request.root
+    moves = moves or request.names != "smpl"
     if build.content != "rigged" and moves:
         raise InputError(
             f"found options of the rig, but what is made holds no skeleton ({build.content}); leave out "
-            "--clip, --motion, --morphs, --ends and --names, or choose glb, vrm or usdz and a scene that "
-            "moves"
+            "--clip, --motion, --morphs, --ends, --root and --names, or choose glb, vrm or usdz and a scene "
+            "that moves"
         )
     for option, size, kind in (
         ("--normal-map", build.normal_map, "normal"),

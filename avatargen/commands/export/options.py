@@ -275,7 +275,7 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     )
     add(
         "--names",
-        choices=("smpl", "mixamo", "unity", "unreal"),
+        choices=("smpl", "mixamo", "unity", "unreal", "rpm"),
         help="whose names the joints get (default: smpl)",
     )
     add(
@@ -284,6 +284,11 @@ def add_rig_options(group: _ArgumentGroup) -> None:
         help="joints' frames: +y along each bone, as modellers draw it, or the world's axes (default: along)",
     )
     add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
+    add(
+        "--root",
+        action="store_true",
+        help="add a bone on the ground that carries the clips' way, and an Armature node",
+    )
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
     add(
         "--face",
