@@ -96,6 +96,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--bones": (ONE, (*ONE, "--bones", "world")),
     "--ends": (ONE, (*ONE, "--ends")),
     "--root": (ONE, (*ONE, "--root")),
+    "--twist": (ONE, (*ONE, "--twist")),
     "--morphs": (ONE, (*ONE, "--morphs")),
     "--face": (ONE, (*ONE, "--face", "shapes")),
     "--clip": (ONE, (*ONE, "--clip", "walk")),

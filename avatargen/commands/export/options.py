@@ -289,6 +289,11 @@ def add_rig_options(group: _ArgumentGroup) -> None:
         action="store_true",
         help="add a bone on the ground that carries the clips' way, and an Armature node",
     )
+    add(
+        "--twist",
+        action="store_true",
+        help="add bones that share the roll of upper arms and hands, so that wrists keep their volume",
+    )
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
     add(
         "--face",
