@@ -124,7 +124,7 @@ def add_textures(
         if picture_uris:
             image.uri = picture_uris[PICTURES.index(name)]
         else:
-            image.bufferView = binary.add_bytes(encoding.picture(name, pixels))
+            image.bufferView = binary.add_picture(encoding.picture(name, pixels))
             image.mimeType = encoding.mime_type
         document.textures.append(picture_texture(document, len(document.images), encoding))
         document.images.append(image)

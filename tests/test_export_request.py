@@ -36,6 +36,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "--parts": (ONE, (*ONE, "--parts", "separate")),
     "--hidden": (APART, (*APART, "--hidden", "keep")),
+    "--part-names": (APART, (*APART, "--part-names", "rpm")),
     "--mesher": (ONE, (*ONE, "--mesher", "marching-cubes")),
     "--simplifier": (ONE, (*ONE, "--simplifier", "pymeshlab")),
     "--wear": (ONE, (*ONE, "--wear", "8:top,outer")),

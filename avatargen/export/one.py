@@ -14,6 +14,7 @@ from assets.asset.asset import Asset
 from assets.asset.joints import body_on
 from assets.asset.levels import with_levels
 from assets.asset.names import rename_joints
+from assets.asset.part_names import rename_parts
 from assets.asset.root_bone import with_root
 from assets.build_config import AvatarFields, BuildConfig
 from assets.pipeline import Progress, build_content
@@ -197,6 +198,7 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
         with watch.stage("animate"):
             motions = finish_motions(request, workshop.motions, asset)
             asset = animate(asset, motions, settings.on_ground)
+            asset = rename_parts(asset) if request.part_names == "rpm" else asset
             asset = rename_joints(with_root(asset) if request.root else asset, request.names)
     return Made(
         asset=asset,

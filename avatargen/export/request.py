@@ -36,6 +36,7 @@ Clip = Literal["idle", "walk", "wave", "range"]
 Source = Literal["generator", "wardrobe"]
 Parts = Literal["merged", "separate"]
 Hidden = Literal["drop", "keep"]
+PartNames = Literal["own", "rpm"]
 Names = Literal["smpl", "mixamo", "unity", "unreal", "rpm"]
 TextureFrom = Literal["photo", "field"]
 NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
@@ -71,6 +72,7 @@ class ExportRequest:
     scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))
     parts: Parts = "merged"  # separate: body, garments and hair are meshes of their own
     hidden: Hidden = "drop"  # what clothes hide of a separate body
+    part_names: PartNames = "own"  # rpm: as pages made for Ready Player Me's avatars look for
     pose_file: Path | None = None  # rotations that take the place of `build.pose`, .npz
     photo_pose: bool = False  # the first photograph's pose takes its place
     tolerance_mm: float | None = None  # resolution and faces that keep 99 % of the surface within it
@@ -240,6 +242,10 @@ def check_parts(request: ExportRequest, wanted: Format) -> None:
             raise InputError(
                 f"found --hidden {request.hidden} without --parts separate; one mesh hides nothing, so give "
                 "both or none"
+            )
+        if request.part_names != "own":
+            raise InputError(
+                f"found --part-names {request.part_names} without --parts separate; give both or none"
             )
         return
     if request.build.content != "rigged" or not wanted.parts:

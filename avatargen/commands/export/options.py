@@ -231,6 +231,13 @@ def add_part_options(group: _ArgumentGroup) -> None:
         "them (default: drop)",
     )
 
+    add(
+        "--part-names",
+        choices=("own", "rpm"),
+        help="with --parts separate, what its meshes are called; rpm: Wolf3D_Head, Wolf3D_Outfit_Top and so "
+        "on, as pages made for Ready Player Me's avatars look for (default: own)",
+    )
+
 
 def add_picture_options(group: _ArgumentGroup) -> None:
     """Textures."""
