@@ -1,9 +1,9 @@
 """Animations and morph targets of an asset as glTF has them.
 
-A joint's channel turns its node, the root's also moves it. Joints that no animation moves have no channel,
-and frames within a run that stands still are left out: between two equal keys every viewer stays where it is.
-An animation that moves the face has a channel for the weights of each mesh; one of a face alone has no other,
-so that it can be played over one of the body. Letters: T frames, C columns, J joints.
+A joint's channel turns its node, the root's and the hips' also move them. Joints that no animation moves have
+no channel, and frames within a run that stands still are left out: between two equal keys every viewer stays
+where it is. An animation that moves the face has a channel for the weights of each mesh; one of a face alone
+has no other, so that it can be played over one of the body. Letters: T frames, C columns, J joints.
 """
 
 from collections.abc import Sequence
@@ -38,8 +38,8 @@ def animations(asset: Asset, binary: Binary, meshes: Sequence[int] = ()) -> list
     return made
 
 
-def moving_parts(asset: Asset) -> tuple[bool, list[int]]:
-    """Whether the root leaves its place, and the joints that leave their rest turn, in any animation.
+def moving_parts(asset: Asset) -> tuple[list[int], list[int]]:
+    """The joints that leave their place, and those that leave their rest turn, in any animation.
 
     All animations have channels for all of them: a viewer that changes from one to the next then leaves no
     joint where the last one had it.
@@ -51,8 +51,12 @@ def moving_parts(asset: Asset) -> tuple[bool, list[int]]:
         for joint in range(len(rest))
         if not all(stays(each.rotations[:, joint], quaternions[joint]) for each in asset.animations)
     ]
-    moved = not all(stays(each.root, rest[0, :3, 3]) for each in asset.animations)
-    return moved or not turned, turned  # glTF wants a channel at least
+    moved = [
+        joint
+        for joint in (asset.animations[0].ways if asset.animations else ())
+        if not all(stays(each.ways[joint], rest[joint, :3, 3]) for each in asset.animations)
+    ]
+    return moved if moved or turned else [0], turned  # glTF wants a channel at least
 
 
 def of_face_alone(asset: Asset, animation: Animation) -> bool:
@@ -61,15 +65,16 @@ def of_face_alone(asset: Asset, animation: Animation) -> bool:
         return False
     rest = asset.skeleton.T_parent_joint
     still = (stays(animation.rotations[:, j], turn) for j, turn in enumerate(rest_quaternions(rest)))
-    return stays(animation.root, rest[0, :3, 3]) and all(still)
+    ways = (stays(way, rest[joint, :3, 3]) for joint, way in animation.ways.items())
+    return all(ways) and all(still)
 
 
 def add_joints(
-    encoded: gltf.Animation, animation: Animation, moved: bool, turned: list[int], clock: "Clock"
+    encoded: gltf.Animation, animation: Animation, moved: list[int], turned: list[int], clock: "Clock"
 ) -> None:
-    """A channel for the root's way where `moved`, and one for each joint in `turned`."""
-    if moved:
-        add_channel(encoded, clock.add_sampler(encoded, animation.root), 0, "translation")
+    """A channel for the way of each joint in `moved`, and one for each joint in `turned`."""
+    for joint in moved:
+        add_channel(encoded, clock.add_sampler(encoded, animation.ways[joint]), joint, "translation")
     for joint in turned:
         add_channel(encoded, clock.add_sampler(encoded, animation.rotations[:, joint]), joint, "rotation")
 

@@ -46,14 +46,15 @@ def add_animations(stage: Usd.Stage, asset: Asset, prim: UsdSkel.Skeleton) -> No
 def add_animation(
     prim: UsdSkel.Animation, motion: Animation, skeleton: Skeleton, joints: Vt.TokenArray
 ) -> None:
-    """A joint's translation is its rest's, but for the root's."""
+    """A joint's translation is its rest's, but for the root's and the hips'."""
     prim.CreateJointsAttr(joints)
     prim.CreateScalesAttr(Vt.Vec3hArray(len(joints), Gf.Vec3h(1)))
     translations = skeleton.T_parent_joint[:, :3, 3].astype(np.float32)
     moving, turning = prim.CreateTranslationsAttr(), prim.CreateRotationsAttr()
-    for time, rotations, root in zip(motion.times, motion.rotations, motion.root, strict=True):
+    for frame, (time, rotations) in enumerate(zip(motion.times, motion.rotations, strict=True)):
         code = Usd.TimeCode(float(time) * FRAMES_PER_SECOND)
-        translations[0] = root
+        for joint, way in motion.ways.items():
+            translations[joint] = way[frame]
         moving.Set(Vt.Vec3fArray.FromNumpy(translations), code)
         turning.Set(Vt.QuatfArray([Gf.Quatf(w, x, y, z) for x, y, z, w in rotations.tolist()]), code)
 

@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from assets.asset.asset import Asset
 from assets.asset.rig import Animation, Skeleton
+from assets.asset.twist import drive_twists
 from avatargen.body.joints import driving_name
 from avatargen.errors import InputError
 from avatargen.motion.figure import Figure
@@ -98,6 +99,7 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         )
     for joint, source in shared:
         turned[:, joint] = Rotation.from_quat(motion.rotations[:, source]).as_matrix()
+    drive_twists(turned, skeleton)
     frames, rest = skeleton.T_world_joint[:, :3, :3], rest_rotations_of(skeleton)
     above = np.where(skeleton.parents >= 0, skeleton.parents, 0)
     root = (skeleton.parents < 0)[:, None, None]

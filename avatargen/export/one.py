@@ -14,6 +14,8 @@ from assets.asset.asset import Asset
 from assets.asset.joints import body_on
 from assets.asset.levels import with_levels
 from assets.asset.names import rename_joints
+from assets.asset.part_names import rename_parts
+from assets.asset.root_bone import with_root
 from assets.build_config import AvatarFields, BuildConfig
 from assets.pipeline import Progress, build_content
 from avatargen.atomic import check_writable, different_targets, write_together
@@ -194,7 +196,9 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
     if isinstance(asset, Asset):
         with watch.stage("animate"):
             motions = finish_motions(request, workshop.motions, asset)
-            asset = rename_joints(animate(asset, motions, settings.on_ground), request.names)
+            asset = animate(asset, motions, settings.on_ground)
+            asset = rename_parts(asset) if request.part_names == "rpm" else asset
+            asset = rename_joints(with_root(asset) if request.root else asset, request.names)
     return Made(
         asset=asset,
         report=report,

@@ -37,7 +37,8 @@ from exporters.export import require_encoding
 Source = Literal["generator", "wardrobe"]
 Parts = Literal["merged", "separate"]
 Hidden = Literal["drop", "keep"]
-Names = Literal["smpl", "mixamo", "unity", "unreal"]
+PartNames = Literal["own", "rpm"]
+Names = Literal["smpl", "mixamo", "unity", "unreal", "rpm"]
 TextureFrom = Literal["photo", "field"]
 NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
 
@@ -72,6 +73,7 @@ class ExportRequest:
     scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))
     parts: Parts = "merged"  # separate: body, garments and hair are meshes of their own
     hidden: Hidden = "drop"  # what clothes hide of a separate body
+    part_names: PartNames = "own"  # rpm: as pages made for Ready Player Me's avatars look for
     pose_file: Path | None = None  # rotations that take the place of `build.pose`, .npz
     photo_pose: bool = False  # the first photograph's pose takes its place
     tolerance_mm: float | None = None  # resolution and faces that keep 99 % of the surface within it
@@ -79,6 +81,7 @@ class ExportRequest:
     levels: tuple[int, ...] = ()  # triangles of the coarser levels of detail, falling
     # what: the rig
     names: Names = "smpl"  # whose names the joints get
+    root: bool = False  # a bone on the ground carries the animations' way
     clips: tuple[str, ...] = ()  # see avatargen.motion.names; several at once have commas between them
     motions: tuple[Path, ...] = ()  # AMASS-style files, .npz
     say: str | None = None  # an English text that the mouth says
@@ -222,12 +225,13 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
         raise InputError(
             "found --fps, --speed, --mirror or --in-place without an animation; give --clip or --motion too"
         )
-    moves = request.clips or request.motions or build.morphs or build.ends or request.names != "smpl"
+    extra = build.morphs or build.ends or build.twist or request.root
+    moves = request.clips or request.motions or extra or request.names != "smpl"
     if build.content != "rigged" and moves:
         raise InputError(
             f"found options of the rig, but what is made holds no skeleton ({build.content}); leave out "
-            "--clip, --motion, --morphs, --ends and --names, or choose glb, vrm or usdz and a scene that "
-            "moves"
+            "--clip, --motion, --morphs, --ends, --root, --twist and --names, or choose glb, vrm or usdz "
+            "and a scene that moves"
         )
     check_moving_face(build, of_a_face(request.clips), speaks)
     for option, size, kind in (
@@ -251,6 +255,10 @@ def check_parts(request: ExportRequest, wanted: Format) -> None:
             raise InputError(
                 f"found --hidden {request.hidden} without --parts separate; one mesh hides nothing, so give "
                 "both or none"
+            )
+        if request.part_names != "own":
+            raise InputError(
+                f"found --part-names {request.part_names} without --parts separate; give both or none"
             )
         return
     if request.build.content != "rigged" or not wanted.parts:

@@ -234,6 +234,13 @@ def add_part_options(group: _ArgumentGroup) -> None:
         "them (default: drop)",
     )
 
+    add(
+        "--part-names",
+        choices=("own", "rpm"),
+        help="with --parts separate, what its meshes are called; rpm: Wolf3D_Head, Wolf3D_Outfit_Top and so "
+        "on, as pages made for Ready Player Me's avatars look for (default: own)",
+    )
+
 
 def add_picture_options(group: _ArgumentGroup) -> None:
     """Textures."""
@@ -278,7 +285,7 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     )
     add(
         "--names",
-        choices=("smpl", "mixamo", "unity", "unreal"),
+        choices=("smpl", "mixamo", "unity", "unreal", "rpm"),
         help="whose names the joints get (default: smpl)",
     )
     add(
@@ -288,6 +295,16 @@ def add_rig_options(group: _ArgumentGroup) -> None:
         "animations want; world: the world's axes (default: along)",
     )
     add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
+    add(
+        "--root",
+        action="store_true",
+        help="add a bone on the ground that carries the clips' way, and an Armature node",
+    )
+    add(
+        "--twist",
+        action="store_true",
+        help="add bones that share the roll of upper arms and hands, so that wrists keep their volume",
+    )
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
     add(
         "--face",
