@@ -6,6 +6,7 @@ from assets.asset.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAss
 from assets.asset.bones import add_ends, aim_bones
 from assets.asset.joints import drop_idle_joints
 from assets.asset.rig import Morph, Skeleton
+from assets.asset.sway import add_springs
 from assets.asset.twist import add_twists
 from assets.build_config import AvatarFields, BuildConfig
 from assets.content import LeftOut
@@ -63,7 +64,8 @@ def rig(textured: TexturedAsset, draft: Draft) -> Asset:
         from assets.face.face import with_face  # most assets are made without
 
         asset = with_face(asset, body)
-    return finish_skeleton(asset, config)
+    asset = finish_skeleton(asset, config)
+    return add_springs(asset, body, draft.avatar.betas) if config.springs else asset
 
 
 def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:

@@ -22,6 +22,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial.transform import Rotation
 
 from assets.asset.asset import Asset
+from assets.asset.drape import drape
 from assets.asset.rig import Animation, Skeleton
 from assets.asset.twist import drive_twists
 from avatargen.body.joints import driving_name
@@ -43,6 +44,7 @@ def animate(asset: Asset, motions: Sequence[Motion], on_ground: bool = True) -> 
         GeometryError: two animations share a name.
     """
     made = [animation_of(asset.skeleton, motion) for motion in retargeted(asset, motions)]
+    made = [drape(each, asset.skeleton, asset.springs) for each in made]
     if on_ground:
         made = [replace(a, root=a.root - [0.0, lowest(asset, a), 0.0]) for a in made]
     return replace(asset, animations=(*asset.animations, *made))
