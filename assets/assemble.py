@@ -65,7 +65,9 @@ def rig(textured: TexturedAsset, draft: Draft) -> Asset:
 
         asset = with_face(asset, body)
     asset = finish_skeleton(asset, config)
-    return add_springs(asset, body, draft.avatar.betas) if config.springs else asset
+    if not config.springs:
+        return asset
+    return add_springs(asset, body, draft.avatar.betas, getattr(draft.avatar, "layers", {}))
 
 
 def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:

@@ -108,7 +108,7 @@ def build_parts(
         report = replace(report, left_out=(*report.left_out, dropped))
     asset = join(made, report)
     asset = finish_skeleton(on_ground(asset) if config.on_ground else asset, config)
-    return add_springs(asset, avatar.body, avatar.betas) if config.springs else asset
+    return add_springs(asset, avatar.body, avatar.betas, {}) if config.springs else asset
 
 
 def of_part(config: BuildConfig, faces: int, *, first: bool) -> BuildConfig:

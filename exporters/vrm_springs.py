@@ -4,7 +4,7 @@ from assets.asset.asset import Asset
 from assets.asset.spring import Collider, Spring
 
 EXTENSION = "VRMC_springBone"
-GROUP = "legs"
+GROUP = "body"
 DIGITS = 6
 
 

@@ -1,7 +1,7 @@
 """A skirt on springs: still at rest, swung by three-vrm off the legs, put by clips where cloth was."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,15 @@ import igl
 import numpy as np
 import pygltflib
 import pytest
+import torch
 
 from assets.asset.animate import animate
 from assets.asset.asset import Asset
 from assets.asset.bones import aim_bones
+from assets.asset.chains import AROUND, LINKS
 from assets.asset.root_bone import with_root
 from assets.asset.spring import Spring
-from assets.asset.sway import AROUND, LINKS, add_springs
+from assets.asset.sway import add_springs
 from assets.errors import GeometryError
 from assets.skin.skin import limit_influences
 from avatargen.avatar import shipped
@@ -39,9 +41,35 @@ def body():
 
 
 @cache
+def body_on_ground() -> Asset:
+    asset = aim_bones(body_asset(rest="t"))
+    lift = np.array([0.0, -asset.vertices[:, 1].min(), 0.0])
+    frames = asset.skeleton.T_world_joint.copy()
+    frames[:, :3, 3] += lift
+    skeleton = replace(asset.skeleton, T_world_joint=frames)
+    return replace(asset, vertices=(asset.vertices + lift).astype(np.float32), skeleton=skeleton, welded=None)
+
+
+def extended(
+    asset: Asset, vertices: np.ndarray, faces: np.ndarray, joints: np.ndarray, weights: np.ndarray
+) -> Asset:
+    """The asset with more vertices, after its own."""
+    W = len(asset.vertices)
+    return replace(
+        asset,
+        vertices=np.concatenate([asset.vertices, vertices]).astype(np.float32),
+        normals=np.tile(np.array([0, 1, 0], np.float32), (W + len(vertices), 1)),
+        uv=np.zeros((W + len(vertices), 2), np.float32),
+        faces=np.concatenate([asset.faces, faces + W]),
+        joints=np.concatenate([asset.joints, joints]),
+        weights=np.concatenate([asset.weights, weights]),
+    )
+
+
+@cache
 def skirted(length: float = 0.5, flare: float = 0.35) -> Asset:
     """The default body in the T-pose, on the ground, and a cone from its hips down, the last vertices."""
-    asset = aim_bones(body_asset(rest="t"))
+    asset = body_on_ground()
     names, joints = asset.skeleton.joint_names, asset.skeleton.joints
     hips = joints[names.index("left_hip")]
     turn = np.linspace(0, 2 * np.pi, COLUMNS, endpoint=False)
@@ -65,26 +93,13 @@ def skirted(length: float = 0.5, flare: float = 0.35) -> Asset:
     weights[:, [names.index("left_hip"), names.index("right_hip")]] = np.stack(
         [leg * left, leg * (1 - left)], 1
     )
-    skin, W = limit_influences(weights), len(asset.vertices)
-    lift = np.array([0.0, -asset.vertices[:, 1].min(), 0.0])
-    frames = asset.skeleton.T_world_joint.copy()
-    frames[:, :3, 3] += lift
-    return replace(
-        asset,
-        vertices=(np.concatenate([asset.vertices, cone]) + lift).astype(np.float32),
-        normals=np.tile(np.array([0, 1, 0], np.float32), (W + len(cone), 1)),
-        uv=np.zeros((W + len(cone), 2), np.float32),
-        faces=np.concatenate([asset.faces, faces + W]),
-        joints=np.concatenate([asset.joints, skin.joints]),
-        weights=np.concatenate([asset.weights, skin.weights]),
-        skeleton=replace(asset.skeleton, T_world_joint=frames),
-        welded=None,
-    )
+    skin = limit_influences(weights)
+    return extended(asset, cone, faces, skin.joints, skin.weights)
 
 
 @cache
 def swaying(length: float = 0.5) -> Asset:
-    return add_springs(skirted(length), body(), BETAS)
+    return add_springs(skirted(length), body(), BETAS, {})
 
 
 def cone_of(asset: Asset) -> np.ndarray:
@@ -123,19 +138,19 @@ def test_left_and_right_are_alike() -> None:
 def test_without_a_skirt_there_are_none() -> None:
     """Of somebody bare, and of a skirt whose legs have other names."""
     bare = aim_bones(body_asset(rest="t"))
-    assert add_springs(bare, body(), BETAS) is bare
+    assert add_springs(bare, body(), BETAS, {}) is bare
     names = tuple(f"joint_{number}" for number in range(len(bare.skeleton.parents)))
     nameless = replace(skirted(), skeleton=replace(skirted().skeleton, joint_names=names))
-    assert add_springs(nameless, body(), BETAS) is nameless
+    assert add_springs(nameless, body(), BETAS, {}) is nameless
 
 
 def test_colliders_keep_off_what_rests() -> None:
     asset = swaying()
-    assert len(asset.colliders) == 12
+    assert len(asset.colliders) == 17
     for each in asset.colliders:
         frame = asset.skeleton.T_world_joint[each.joint]
         start, stop = (frame[:3, :3] @ point + frame[:3, 3] for point in (each.offset, each.tail))
-        assert 0.03 < each.radius < 0.12 and start[1] > stop[1]
+        assert 0.02 <= each.radius < 0.2
         for spring in asset.springs:
             for place in asset.skeleton.joints[spring.joints[1:]]:
                 t = np.clip((place - start) @ (stop - start) / ((stop - start) @ (stop - start)), 0, 1)
@@ -152,11 +167,12 @@ def test_vrm_holds_them_soundly(tmp_path: Path) -> None:
         document: Any = pygltflib.GLTF2.load_from_bytes(vrm.encode(with_root(asset) if rooted else asset))
         assert document.extensionsUsed == ["VRMC_vrm", "VRMC_springBone"]
         found = document.extensions["VRMC_springBone"]
-        assert len(found["springs"]) == AROUND and len(found["colliders"]) == 12
+        assert len(found["springs"]) == AROUND and len(found["colliders"]) == 17
         chains = [[document.nodes[j["node"]].name for j in spring["joints"]] for spring in found["springs"]]
         assert chains[0][0] == "skirt_1_1" and chains[-1][-1] == "skirt_8_end"
         assert {document.nodes[each["node"]].name for each in found["colliders"]} == {
-            f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee")
+            *(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee")),
+            *("pelvis", "spine1", "spine2", "spine3", "neck"),
         }
     kind = ("VRMCSpringBone", "types-vrmc-springbone-1.0")
     assert type_errors(tmp_path, found, *kind) == ""
@@ -167,7 +183,7 @@ def swung(asset: Asset, frames: list[dict], folder: Path) -> np.ndarray:
     export(asset, folder / "person.vrm")
     (folder / "moves.json").write_text(json.dumps({"frames": frames, "vertices": cone_of(asset).tolist()}))
     found = ask_node("spring_check.mjs", "@pixiv/three-vrm", folder / "person.vrm", folder / "moves.json")
-    assert len(found["joints"]) >= AROUND
+    assert len(found["joints"]) >= len(asset.springs)
     places = np.array(found["places"]).reshape(len(frames), -1, 3)
     return places - np.array([frame["place"] for frame in frames])[:, None]
 
@@ -232,6 +248,56 @@ def test_clips_put_the_chains_where_cloth_without_them_would_be() -> None:
     off = np.linalg.norm(our_vertices(asset, found[-1]) - our_vertices(before, wanted[-1]), axis=1)
     assert np.percentile(off[cone_of(asset)], 90) < 0.05 and off.max() < 0.12
     assert np.abs(off[: -ROWS * COLUMNS]).max() < 1e-6
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A layer of hair: the plane that the strands lie in, metres."""
+
+    z: float
+
+    def sdf(self, points: torch.Tensor) -> torch.Tensor:
+        return points[:, 2] - self.z
+
+
+@cache
+def haired() -> Asset:
+    """The default body with a sheet of hair that hangs down its back, the last vertices."""
+    asset = body_on_ground()
+    names, joints = asset.skeleton.joint_names, asset.skeleton.joints
+    skull = joints[names.index("head")]
+    behind = float(asset.vertices[np.abs(asset.vertices[:, 1] - 1.2) < 0.15, 2].min()) - 0.02
+    x, y = np.meshgrid(np.linspace(-0.09, 0.09, COLUMNS), np.linspace(0.02, -0.4, ROWS) + skull[1])
+    sheet = np.stack([x, y, np.full_like(x, behind)], axis=-1).reshape(-1, 3)
+    row, column = np.divmod(np.arange((ROWS - 1) * (COLUMNS - 1)), COLUMNS - 1)
+    a = row * COLUMNS + column
+    faces = np.concatenate(
+        [np.stack([a, a + 1, a + COLUMNS], 1), np.stack([a + 1, a + COLUMNS + 1, a + COLUMNS], 1)]
+    )
+    on = np.zeros((len(sheet), 4), np.int64)
+    on[:, 0] = names.index("spine3")
+    whole = extended(asset, sheet, faces, on, np.tile(np.eye(4, dtype=np.float32)[0], (len(sheet), 1)))
+    return add_springs(replace(whole, canonical=whole.vertices), body(), BETAS, {"hair": Sheet(behind)})
+
+
+@pytest.mark.parametrize("way", [1.2, -1.2])
+def test_hair_lags_and_comes_to_rest_off_the_back(tmp_path: Path, way: float) -> None:
+    asset = haired()
+    names, parents = asset.skeleton.joint_names, asset.skeleton.parents
+    assert [spring.name for spring in asset.springs] == ["hair_1", "hair_2", "hair_3"]
+    assert {names[parents[spring.joints[0]]] for spring in asset.springs} == {"spine3"}
+    time = np.arange(195) / 60
+    places = way * np.clip(time - 0.25, 0, 1)
+    found = swung(asset, [{"place": [0, 0, z], "turns": {}} for z in places.tolist()], tmp_path)
+    rest = asset.vertices[cone_of(asset)]
+    off = np.linalg.norm(found - rest, axis=2)
+    assert off[10].max() < 0.004 and off[-1].max() < 0.004
+    assert 0.01 < off.max() < 0.08
+    inner = asset.vertices[: -ROWS * COLUMNS].astype(np.float64)
+    faces = asset.faces[(asset.faces < len(inner)).all(axis=1)]
+    for frame in (20, 40, 60, 80):
+        depth: Any = igl.signed_distance(np.ascontiguousarray(found[frame]), inner, faces)
+        assert depth[0].min() > -0.006, frame
 
 
 def test_blender_sways_them(tmp_path: Path) -> None:

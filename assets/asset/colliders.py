@@ -12,25 +12,35 @@ from assets.asset.rig import Skeleton
 from assets.asset.spring import Collider
 from avatargen.body.model import CanonicalBody, ShapedBody, shape
 
-LEGS = tuple(
+LIMBS = tuple(
     (f"{side}_{joint}", f"{side}_{end}", of)
     for side in ("left", "right")
     for joint, end in (("hip", "knee"), ("knee", "ankle"))
     for of in ((0.0, 0.35), (0.35, 0.7), (0.7, 1.0))
+) + tuple(
+    (joint, end, (0.0, 1.0))
+    for joint, end in (
+        ("pelvis", "spine1"),
+        ("spine1", "spine2"),
+        ("spine2", "spine3"),
+        ("spine3", "neck"),
+        ("neck", "head"),
+    )
 )
 OWN = 0.5  # weight from which a vertex of the body is a joint's own
 ROUND = 75  # percentile of the distances of a limb's skin from its bone
 LEAST = 0.02  # m of a radius
 
 
-def leg_colliders(
+def body_colliders(
     skeleton: Skeleton, body: CanonicalBody, betas: Float[np.ndarray, " b"]
 ) -> tuple[Collider, ...]:
-    """Three capsules a thigh and a shin, as thick as these are on a body of this shape."""
+    """Three capsules a thigh and a shin, one for each link of spine and neck, as thick as these are on a body
+    of this shape."""
     person = shape(body.source, betas)
     return tuple(
         limb_collider(skeleton, person, joint, end, part)
-        for joint, end, part in LEGS
+        for joint, end, part in LIMBS
         if {joint, end} <= set(skeleton.joint_names)
     )
 

@@ -304,7 +304,7 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     add(
         "--springs",
         action="store_true",
-        help="add bones along skirts and dresses, which VRM's programs let sway",
+        help="add bones along skirts, dresses and long hair, which VRM's programs let sway",
     )
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
     add(
