@@ -111,7 +111,7 @@ def make_report(draft: Draft, planned: tuple[LeftOut, ...], seconds: dict[str, f
     before, after = euler_number(draft.cleaning.surface), euler_number(draft.surface)
     if before != after:
         kept = f"{draft.config.simplifier} left {1 - after // 2} handles of {1 - before // 2}"
-        left_out.append(LeftOut(what="the extracted topology", why=kept))
+        left_out.append(LeftOut(what="handles where layers touch", why=kept))
     dropped = draft.cleaning.dropped_components
     if dropped:
         left_out.append(LeftOut(what=f"{dropped} hidden or loose pieces", why="one closed surface is kept"))
