@@ -6,7 +6,9 @@ bridge is severed, the slit has a wall.
 
     shortest paths from a root           make a tree of edges
     faces, joined over the other edges   make a tree of faces, edges far from the root first
-    two edges a handle are in neither    and each closes a loop that parts nothing (Erickson & Whittlesey 2005)
+    two edges a handle are in neither    and each closes a loop that parts nothing
+
+(Erickson & Whittlesey 2005, Greedy optimal homotopy and homology generators.)
 
 Letters: V vertices, F faces, N edges, L vertices of a loop, T triangles across it.
 """
