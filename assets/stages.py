@@ -25,7 +25,7 @@ SEEDS = 32  # cells along the bounds' longest side at which the search ends: of 
 PART_ROUNDS = 2  # of smoothing the weights of a part
 # metres: what a loop goes around that is longer is meant to be there. On a person hands pass through no
 # hole; on a part of one straps and belt loops are handles
-HANDLES, PART_HANDLES = 0.3, 0.02
+HANDLES, PART_HANDLES = 0.6, 0.02
 MORE_SEEDS = 128  # where others stay, too: a sock, a hat
 
 

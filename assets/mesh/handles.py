@@ -23,6 +23,7 @@ from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 from assets.mesh.repair import next_edge
 from assets.mesh.surface import Surface, euler_number, label_components, opposite_edges
 
+TURNS, ENOUGH = 6, 0.95  # times that the shortest loop is looked for from nearer by, until it gains less
 ALIKE = 2.0  # loops longer than the shortest by this factor wait until they are looked for from nearer by
 
 Loop = Int64[np.ndarray, " _"]
@@ -43,9 +44,7 @@ def without_handles(surface: Surface, longest: float) -> tuple[Surface, int]:
     roots = np.unique(label, return_index=True)[1]
     cut, left = 0, pieces - euler_number(surface) // 2
     while left > 0 and longest > 0:
-        near = find_loops(surface, roots).vertices[0]
-        # from a root on the loop itself it is the shortest there is; from afar it makes detours
-        loops = find_loops(surface, with_root(roots, label, int(near[len(near) // 2])))
+        loops = nearest_loops(surface, roots, label)
         chosen = apart(loops, longest)
         for loop in chosen:
             surface = cut_along(surface, loop)
@@ -54,6 +53,18 @@ def without_handles(surface: Surface, longest: float) -> tuple[Surface, int]:
         if not chosen:
             break
     return surface, cut
+
+
+def nearest_loops(surface: Surface, roots: Int64[np.ndarray, " N"], label: Int64[np.ndarray, " V"]) -> Loops:
+    """From a root on a short loop itself that is the shortest there is; from afar it makes detours."""
+    loops = find_loops(surface, roots)
+    for _ in range(TURNS):
+        middle = loops.vertices[0][len(loops.vertices[0]) // 2]
+        nearer = find_loops(surface, with_root(roots, label, int(middle)))
+        if nearer.lengths[0] > ENOUGH * loops.lengths[0]:
+            break
+        loops = nearer
+    return min(loops, nearer, key=lambda found: found.lengths[0])
 
 
 def with_root(
