@@ -50,7 +50,7 @@ OF_ALL = {
     "smile": 1.15,
     "brows": 0.6,
     "mouth": 0.7,
-    "lip": 0.2,
+    "lip": -0.25,
 }
 # what women have more of than that and men less
 OF_WOMEN = {
@@ -60,7 +60,7 @@ OF_WOMEN = {
     "nose": -0.5,
     "nose_width": -0.45,
     "cheek": 0.6,
-    "lip": 0.6,
+    "lip": 0.4,
     "eye_size": 0.55,
     "smile": 0.25,
     "brows": 0.2,
