@@ -6,6 +6,7 @@ from assets.asset.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAss
 from assets.asset.bones import add_ends, aim_bones
 from assets.asset.joints import drop_idle_joints
 from assets.asset.rig import Morph, Skeleton
+from assets.asset.twist import add_twists
 from assets.build_config import AvatarFields, BuildConfig
 from assets.content import LeftOut
 from assets.draft import Draft
@@ -69,7 +70,8 @@ def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:
     """The skeleton with the joints and the frames that are wanted."""
     asset = drop_idle_joints(asset) if config.joints == "moving" else asset
     asset = add_ends(asset) if config.ends else asset
-    return aim_bones(asset) if config.bones == "along" else asset
+    asset = asset if config.bones == "world" else aim_bones(asset, config.bones)
+    return add_twists(asset) if config.twist else asset
 
 
 def make_morphs(draft: Draft) -> tuple[Morph, ...]:

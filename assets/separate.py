@@ -119,6 +119,7 @@ def of_part(config: BuildConfig, faces: int, *, first: bool) -> BuildConfig:
         joints="24" if config.joints == "24" else "all",
         bones="world",
         ends=False,
+        twist=False,
         on_ground=False,
         **{name: size and size * (2 if first else 1) for name, size in halves.items()},
     )

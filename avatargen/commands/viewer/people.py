@@ -12,6 +12,7 @@ from jaxtyping import Float64
 from assets import Asset, BuildConfig, build, with_levels
 from assets.asset.levels import at_level, level_error
 from assets.build_config import AvatarFields
+from assets.content import MOVING_FACE
 from assets.picture.paint import vertex_errors
 from avatargen.avatar import Sampler
 from avatargen.errors import InputError
@@ -51,6 +52,7 @@ class Wish:
     truncation: float = 1.0
     faces: int = 20_000
     parts: bool = False  # body, garments and hair as meshes of their own
+    face: bool = False  # one that moves
 
     @property
     def who(self) -> tuple[int, str, Photo | None]:
@@ -166,9 +168,9 @@ class People:
         """The person's asset; in parts the whole body is kept, to be seen when clothes come off.
 
         Raises:
-            InputError: parts of a person who is one field.
+            InputError: parts of a person who is one field, or a face that moves in parts or on another body.
         """
-        settings = self.settings(wish.faces)
+        settings = replace(self.settings(wish.faces), face=MOVING_FACE if wish.face else "none")
         if not wish.parts:
             return build(avatar, settings, progress)
         from assets.separate import LayeredFields, build_parts  # most people are looked at as one mesh
