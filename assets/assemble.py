@@ -74,7 +74,7 @@ def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:
     """The skeleton with the joints and the frames that are wanted."""
     asset = drop_idle_joints(asset) if config.joints == "moving" else asset
     asset = add_ends(asset) if config.ends else asset
-    asset = aim_bones(asset) if config.bones == "along" else asset
+    asset = asset if config.bones == "world" else aim_bones(asset, config.bones)
     return add_twists(asset) if config.twist else asset
 
 
@@ -117,7 +117,7 @@ def make_report(draft: Draft, planned: tuple[LeftOut, ...], seconds: dict[str, f
     before, after = euler_number(draft.cleaning.surface), euler_number(draft.surface)
     if before != after:
         kept = f"{draft.config.simplifier} left {1 - after // 2} handles of {1 - before // 2}"
-        left_out.append(LeftOut(what="the extracted topology", why=kept))
+        left_out.append(LeftOut(what="handles where layers touch", why=kept))
     dropped = draft.cleaning.dropped_components
     if dropped:
         left_out.append(LeftOut(what=f"{dropped} hidden or loose pieces", why="one closed surface is kept"))

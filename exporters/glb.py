@@ -64,10 +64,12 @@ def describe(
         add_skeleton(document, asset.skeleton, binary)
         for made, mesh in zip(document.meshes, meshes.values(), strict=True):
             add_morphs(made, mesh, binary)
-        document.animations = animations(asset, binary)
     add_levels(document, asset, binary)
-    if isinstance(asset, Asset) and asset.skeleton.armature:
-        add_armature(document)
+    if isinstance(asset, Asset):
+        faces = [number for number, node in enumerate(document.nodes) if node.mesh is not None]
+        document.animations = animations(asset, binary, faces)
+        if asset.skeleton.armature:
+            add_armature(document)
     for name, mesh in meshes.items():
         document.materials.append(material(mesh, name, len(document.textures)))
         if isinstance(mesh, TexturedAsset):

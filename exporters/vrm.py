@@ -117,7 +117,8 @@ def expressions(asset: Asset, nodes: list[int]) -> dict[str, object]:
         return {"morphTargetBinds": binds} if binds else {}
 
     presets = {name: expression(shapes) for name, shapes in EXPRESSIONS.items()}
-    return {"expressions": {"preset": presets, "custom": {name: expression({name: 1.0}) for name in ARKIT}}}
+    alone = {name: expression({name: 1.0}) for name in (*ARKIT, *VISEMES)}
+    return {"expressions": {"preset": presets, "custom": alone}}
 
 
 def human_bones(joint_names: tuple[str, ...]) -> dict[str, int]:

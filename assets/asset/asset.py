@@ -182,6 +182,8 @@ def check_motion(asset: Asset) -> None:
     for animation in asset.animations:
         if animation.rotations.shape[1] != joint_count:
             raise GeometryError(f"asset: animation {animation.name} is not of its {joint_count} joints")
+        if animation.weights is not None and animation.weights.shape[1] != len(asset.morphs):
+            raise GeometryError(f"asset: animation {animation.name} is not of its {len(asset.morphs)} morphs")
     for morph in asset.morphs:
         if (len(morph.vertices), len(morph.joints)) != (vertex_count, joint_count):
             raise GeometryError(f"asset: morph {morph.name} is not of its {vertex_count} vertices")

@@ -1,8 +1,8 @@
 """What moves an asset: its skeleton, animations of it and morphs of its mesh.
 
-Letters: J joints, T frames of an animation, W vertices of the asset. Metres, radians, seconds; y up, facing
-+z. `T_world_joint` reads world <- joint. Quaternions are x y z w. A body's T-pose is the pose in which all
-its rotations are zero; the asset's rest pose is the one its vertices stand in.
+Letters: J joints, T frames of an animation, W vertices of the asset, M morphs of it. Metres, radians,
+seconds; y up, facing +z. `T_world_joint` reads world <- joint. Quaternions are x y z w. A body's T-pose is
+the pose in which all its rotations are zero; the asset's rest pose is the one its vertices stand in.
 """
 
 from dataclasses import dataclass, replace
@@ -60,11 +60,11 @@ class Skeleton:
 
 @dataclass(frozen=True, kw_only=True)
 class Animation:
-    """A skeleton over time: what the joint nodes of a file carry, frame by frame.
+    """A skeleton over time: what the joint nodes of a file carry, frame by frame; and the asset's morphs.
 
     Joint j stands in its parent's frame at its rest translation, turned by `rotations[:, j]` instead of by
     its rest rotation. Joint 0, the root, stands at `root` instead; where that is a bone on the ground,
-    joint 1 below it stands at `hips`.
+    joint 1 below it stands at `hips`. One of a face alone stands at rest.
     """
 
     name: str
@@ -72,6 +72,7 @@ class Animation:
     rotations: Float64[np.ndarray, "T J 4"]  # neighbours in time lie in one half of the sphere
     root: Float64[np.ndarray, "T 3"]  # world place of joint 0, metres
     hips: Float64[np.ndarray, "T 3"] | None = None  # place of joint 1 in joint 0's frame; None: as at rest
+    weights: Float64[np.ndarray, "T M"] | None = None  # of the asset's morphs, in their order; None: all 0
 
     def __post_init__(self) -> None:
         T = len(self.times)
@@ -86,6 +87,8 @@ class Animation:
         places = self.root if self.hips is None else np.stack([self.root, self.hips])
         if not off < UNIT_LIMIT or not np.isfinite(places).all():  # `not <` also catches NaN
             raise GeometryError(f"animation {self.name}: quaternions are off length 1 by {off:.1e}, or NaN")
+        if self.weights is not None and not (len(self.weights) == T and np.isfinite(self.weights).all()):
+            raise GeometryError(f"animation {self.name}: weights of morphs are NaN, or not one row a frame")
 
     @property
     def ways(self) -> dict[int, Float64[np.ndarray, "T 3"]]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from assets.build_config import BuildConfig
-from assets.content import CONTENTS
+from assets.content import CONTENTS, MOVING_FACE
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
 from avatargen.export.rules import (
@@ -24,15 +24,16 @@ from avatargen.export.rules import (
     check_photos,
     check_sheet,
     check_source,
+    check_speech,
     check_text,
     check_wear,
 )
+from avatargen.motion.names import of_a_face
 from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
 from exporters.export import require_encoding
 
-Clip = Literal["idle", "walk", "wave", "range"]
 Source = Literal["generator", "wardrobe"]
 Parts = Literal["merged", "separate"]
 Hidden = Literal["drop", "keep"]
@@ -81,8 +82,10 @@ class ExportRequest:
     # what: the rig
     names: Names = "smpl"  # whose names the joints get
     root: bool = False  # a bone on the ground carries the animations' way
-    clips: tuple[Clip, ...] = ()
+    clips: tuple[str, ...] = ()  # see avatargen.motion.names; several at once have commas between them
     motions: tuple[Path, ...] = ()  # AMASS-style files, .npz
+    say: str | None = None  # an English text that the mouth says
+    phonemes: Path | None = None  # sounds and their times that it says, .json
     fps: float = 30.0  # of the animations
     speed: float = 1.0  # of the animations: 2 plays them in half the time
     motion_up: Literal["y", "z"] | None = None  # the upward axis of the files; None: what each one tells
@@ -114,6 +117,7 @@ class ExportRequest:
             chosen=bool(self.traits.given()) or self.text is not None,
         )
         check_text(self.text, change=self.change)
+        check_speech(self.clips, self.say, self.phonemes)
         check_wear(dict(self.wear), self.source, self.wardrobe, len(self.wear))
         check_photos(
             photos=self.photos,
@@ -216,7 +220,8 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
     if request.motion_up is not None and not request.motions:
         raise InputError("found --motion-up without a motion; give --motion too")
     played = request.fps != 30.0 or request.speed != 1.0 or request.mirror or request.in_place
-    if played and not (request.clips or request.motions):
+    speaks = request.say is not None or request.phonemes is not None
+    if played and not (request.clips or request.motions or speaks):
         raise InputError(
             "found --fps, --speed, --mirror or --in-place without an animation; give --clip or --motion too"
         )
@@ -228,11 +233,19 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
             "--clip, --motion, --morphs, --ends, --root, --twist, --springs and --names, or choose glb, vrm "
             "or usdz and a scene that moves"
         )
+    check_moving_face(build, of_a_face(request.clips), speaks)
     for option, size, kind in (
         ("--normal-map", build.normal_map, "normal"),
         ("--ambient-occlusion", build.ambient_occlusion, "occlusion"),
     ):
         require_map(option, size, kind in wanted.maps)
+
+
+def check_moving_face(build: BuildConfig, clips: list[str], speaks: bool) -> None:
+    """Raises InputError where a face is to move that is made without shapes."""
+    if build.face == "none" and (clips or speaks):
+        found = f"--clip {clips[0]}" if clips else "--say or --phonemes"
+        raise InputError(f"found {found} on a face that does not move; give --face {MOVING_FACE} too")
 
 
 def check_parts(request: ExportRequest, wanted: Format) -> None:
