@@ -16,7 +16,7 @@ from assets.asset.root_bone import on_hips
 from assets.asset.twist import HALF
 from assets.face.names import ARKIT, EXPRESSIONS, VISEMES
 from avatargen.errors import InputError
-from exporters import glb, vrma
+from exporters import glb, vrm_springs, vrma
 from exporters.encoding import PLAIN, Encoding
 from exporters.file import File
 
@@ -75,6 +75,9 @@ def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
             "firstPerson": {"meshAnnotations": [{"node": node, "type": "auto"} for node in mesh_nodes]},
         }
     }
+    if asset.springs:
+        document.extensionsUsed.append(vrm_springs.EXTENSION)
+        document.extensions[vrm_springs.EXTENSION] = vrm_springs.spring_bones(asset)
     return glb.pack(document, data)
 
 

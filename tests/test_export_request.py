@@ -100,6 +100,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--ends": (ONE, (*ONE, "--ends")),
     "--root": (ONE, (*ONE, "--root")),
     "--twist": (ONE, (*ONE, "--twist")),
+    "--springs": (ONE, (*ONE, "--springs")),
     "--morphs": (ONE, (*ONE, "--morphs")),
     "--face": (ONE, (*ONE, "--face", "shapes")),
     "--clip": (ONE, (*ONE, "--clip", "walk")),

@@ -575,6 +575,16 @@ def test_a_bad_photograph_is_refused_and_all_stays(page: Page, data: bytes, said
     assert page.status.content.startswith(f"**{said}") and page.status.content.endswith(f"\n\n{kept}")
 
 
+@pytest.mark.parametrize("data", [b"", b"nobody", (1 << 40).to_bytes(8, "little") + b"{}"])
+def test_a_file_that_holds_no_person_is_refused_and_all_stays(page: Page, data: bytes) -> None:
+    asset, kept = page.asset, page.status.content
+    give_photo(page, "me.safetensors", data)
+    page.step()
+    assert page.asset is asset and page.photo.photo is None and not page.photo.leave.visible
+    assert page.status.content.startswith("**person: me.safetensors is no whole safetensors file")
+    assert page.status.content.endswith(f"\n\n{kept}")
+
+
 def test_a_bad_photograph_leaves_the_good_one(page: Page) -> None:
     with_finder(page)
     give_photo(page, "me.png", png())

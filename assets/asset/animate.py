@@ -22,6 +22,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial.transform import Rotation
 
 from assets.asset.asset import Asset
+from assets.asset.drape import drape
 from assets.asset.rig import Animation, Skeleton
 from assets.asset.twist import drive_twists
 from avatargen.body.joints import driving_name
@@ -44,7 +45,7 @@ def animate(asset: Asset, motions: Sequence[Motion], on_ground: bool = True) -> 
     """
     made = []
     for motion in retargeted(asset, motions):
-        animation = animation_of(asset.skeleton, motion)
+        animation = drape(animation_of(asset.skeleton, motion), asset.skeleton, asset.springs)
         if on_ground and motion.joint_names:
             animation = replace(animation, root=animation.root - [0.0, lowest(asset, animation), 0.0])
         made.append(replace(animation, weights=morph_weights(asset, motion)))

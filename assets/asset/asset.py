@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float32, Int, Int64, UInt8
 
 from assets.asset.rig import Animation, Morph, Skeleton
+from assets.asset.spring import Collider, Spring
 from assets.content import LeftOut
 from assets.errors import GeometryError
 from assets.mesh.measure import SurfaceError
@@ -142,6 +143,8 @@ class Asset(TexturedAsset):
     animations: tuple[Animation, ...] = ()
     morphs: tuple[Morph, ...] = ()
     parts: tuple[Part, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    colliders: tuple[Collider, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -43,6 +43,8 @@ def with_root(asset: Asset) -> Asset:
             armature=True,
         ),
         animations=tuple(rooted(animation) for animation in asset.animations),
+        springs=tuple(replace(s, joints=s.joints + 1, carriers=s.carriers + 1) for s in asset.springs),
+        colliders=tuple(replace(each, joint=each.joint + 1) for each in asset.colliders),
         morphs=tuple(
             replace(m, joints=np.concatenate([m.joints[:1] * ON_GROUND, m.joints])) for m in asset.morphs
         ),

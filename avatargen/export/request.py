@@ -225,13 +225,13 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
         raise InputError(
             "found --fps, --speed, --mirror or --in-place without an animation; give --clip or --motion too"
         )
-    extra = build.morphs or build.ends or build.twist or request.root
+    extra = build.morphs or build.ends or build.twist or build.springs or request.root
     moves = request.clips or request.motions or extra or request.names != "smpl"
     if build.content != "rigged" and moves:
         raise InputError(
             f"found options of the rig, but what is made holds no skeleton ({build.content}); leave out "
-            "--clip, --motion, --morphs, --ends, --root, --twist and --names, or choose glb, vrm or usdz "
-            "and a scene that moves"
+            "--clip, --motion, --morphs, --ends, --root, --twist, --springs and --names, or choose glb, vrm "
+            "or usdz and a scene that moves"
         )
     check_moving_face(build, of_a_face(request.clips), speaks)
     for option, size, kind in (

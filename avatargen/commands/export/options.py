@@ -305,6 +305,11 @@ def add_rig_options(group: _ArgumentGroup) -> None:
         action="store_true",
         help="add bones that share the roll of upper arms and hands, so that wrists keep their volume",
     )
+    add(
+        "--springs",
+        action="store_true",
+        help="add bones along skirts, dresses and long hair, which VRM's programs let sway",
+    )
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
     add(
         "--face",

@@ -30,10 +30,15 @@ Progress = Callable[[str, float], None]  # name of the stage that begins, share 
 
 @dataclass(frozen=True)
 class Photo:
-    """A photograph's file, held in memory alone."""
+    """A photograph's file, or that of a saved person; held in memory alone."""
 
     name: str
     data: bytes = field(repr=False)
+
+    @property
+    def saved(self) -> bool:
+        """Whether it is a saved person's."""
+        return self.name.lower().endswith(".safetensors")
 
     @cached_property
     def picture(self) -> Picture:
@@ -117,7 +122,7 @@ class People:
 
         Raises:
             AvatarGenError: the field gives no whole surface, the wish is out of range, or its text says
-                nothing that can be made, or its photograph shows no whole person.
+                nothing that can be made, or its photograph shows no whole person, or its file holds none.
         """
         if wish not in self.kept:
             self.kept[wish] = self.made(wish, progress)
@@ -131,6 +136,8 @@ class People:
         if wish.photo is None:
             avatar = self.drawn(wish)
             return Person(avatar=avatar, asset=self.built(avatar, wish, progress))
+        if wish.photo.saved:
+            return self.kept_person(wish, wish.photo, progress)
         found = self.found(wish.photo, lambda stage, share: progress(stage, FINDING * share))
         asset = self.built(
             found.avatar, wish, lambda stage, share: progress(stage, FINDING + (1 - FINDING) * share)
@@ -139,6 +146,18 @@ class People:
         asset = self.finder.painted(asset, found)
         assert isinstance(asset, Asset)
         return Person(avatar=found.avatar, asset=asset, lines=tuple(found.lines()))
+
+    def kept_person(self, wish: Wish, file: Photo, progress: Progress) -> Person:
+        """The person of a file of --save-person, with the pixels that it holds."""
+        from avatargen.export.person_file import decode_person  # most people are drawn
+        from avatargen.export.saved_people import SavedPhotographed, person_on
+
+        person = person_on(self.sampler, decode_person(file.data, file.name), file.name, pixels=True)
+        avatar = person.sample(wish.seed)
+        asset = self.built(avatar, wish, progress)
+        painted = person.painted(asset) if isinstance(person, SavedPhotographed) else asset
+        assert isinstance(painted, Asset)
+        return Person(avatar=avatar, asset=painted)
 
     @cached_property
     def finder(self) -> "Finder":
