@@ -1,5 +1,6 @@
-"""blender_film.py FILE.glb OUT_FOLDER [--clip walk ...] [--frames 6] [--size 320] [--degrees 60] [--face]: see
-a clip, of the whole person or of the face alone.
+"""blender_film.py FILE.glb OUT_FOLDER [--clip walk ...] [--frames 6] [--size 320] [--degrees 60] [--face]
+
+See a clip, of the whole person or of the face alone.
 
 Renders evenly spaced moments of each animation, seen from `degrees` around the person (0: front), and joins
 them into OUT_FOLDER/film.png, a row for each clip.
