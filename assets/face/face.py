@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 from assets.asset.asset import Asset
 from assets.asset.rig import Morph
 from assets.face.cut import CutMesh
-from assets.face.motions import smooth
+from assets.face.falloff import smooth
 from assets.face.mouth import go_along
 from assets.face.opened import OpenFace, open_face
 from assets.face.shapes import face_shapes

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from assets.face.curves import FRONT
+from assets.face.falloff import bell, smooth
 from assets.face.names import JAW_OPEN
 from assets.face.opened import OpenFace
 
@@ -17,21 +18,10 @@ JAW = 0.035  # m that the chin goes when the mouth opens
 CHEEK, CHEEKBONE = np.array([0.043, 0.655]), np.array([0.036, 0.69])
 GAZE = np.array([0.0036, 0.0024])  # m that an iris goes to the side, and up or down
 BEHIND_LIDS = 0.003  # m that an eye draws back behind closed lids
-LID = 0.004  # m of lid that goes with its margin
+LID = 0.006  # m of lid that goes with its margin
 UPPER_SHARE = 0.2  # of the way between the lids' margins at which they meet, from below
 
 KNOTS = 9  # of the line along which the lids meet: fewer than vertices, so that both follow it closely
-
-
-def smooth(x: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Smoothstep from 0 at low to 1 at high."""
-    t = np.clip((x - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def bell(distance: np.ndarray, width: float) -> np.ndarray:
-    """1 at no distance, 1/e at the width, soon nothing."""
-    return np.exp(-((distance / width) ** 2))
 
 
 class Motions:

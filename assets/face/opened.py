@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from assets.errors import GeometryError
@@ -16,12 +16,11 @@ from assets.face.carry import carriers, near_lips
 from assets.face.curves import FRONT, Curves, cut_lids, cut_lips, face_curves, refined
 from assets.face.cut import CutMesh, double
 from assets.face.mouth import Inside, mouth_inside
+from assets.face.soften import eased, edge_matrix, smoothed
 from avatargen.body.face import FaceUnits
 from avatargen.body.model import CanonicalBody
 
 STANDS_OFF = 0.006  # m from the body that a face's skin may lie: beyond it is hair or a mask
-ROUNDS = 8  # of smoothing what is carried
-SMOOTHED = 0.02  # m from the curves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +75,7 @@ def open_face(mesh: CutMesh, body: CanonicalBody, units: FaceUnits) -> OpenFace:
         upper=upper,
         lower=lower,
         above=above,
-        carry=smoothed(mesh, carry, curves, fixed),
+        carry=eased(mesh, smoothed(mesh, carry, curves, fixed), upper[[0, -1]]),
         curves=curves,
         units=units,
     )
@@ -100,14 +99,6 @@ def within_lids(points: Float64[np.ndarray, "S 3"], curves: Curves) -> Bool[np.n
     return (off < 3e-4) & (points[:, 2] > FRONT)
 
 
-def edge_matrix(mesh: CutMesh) -> csr_array:
-    """One over the length of each edge, both ways."""
-    edges, points = mesh.edges(), mesh.points
-    value = 1 / np.maximum(np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1), 1e-5)
-    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
-    return csr_array(coo_array((np.concatenate([value, value]), (rows, columns)), shape=(len(points),) * 2))
-
-
 def upper_side(
     mesh: CutMesh, upper: Int64[np.ndarray, " K"], lower: Int64[np.ndarray, " K"], curves: Curves
 ) -> Bool[np.ndarray, " S"]:
@@ -126,15 +117,3 @@ def upper_side(
     told = np.isfinite(way[0]) | np.isfinite(way[1])
     above[near[told]] = (way[0] < way[1])[told]
     return above
-
-
-def smoothed(mesh: CutMesh, carry: csr_array, curves: Curves, fixed: Int64[np.ndarray, " N"]) -> csr_array:
-    """What is carried near the curves as the mean of neighbours'; of fixed vertices as it is."""
-    share = (curves.distance(mesh.points) < SMOOTHED).astype(np.float64)
-    share[fixed] = 0
-    graph = edge_matrix(mesh)
-    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1e-12)) @ graph
-    step = diags_array(1 - share / 2) + diags_array(share / 2) @ mean
-    for _ in range(ROUNDS):
-        carry = csr_array(step @ carry)
-    return carry

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float64
 
-from assets.face.motions import Motions, smooth
+from assets.face.falloff import smooth
+from assets.face.motions import Motions
 from assets.face.names import ARKIT, VISEMES, Recipe
 from assets.face.opened import OpenFace
 
