@@ -4,7 +4,7 @@ Letters: S the skin's welded vertices, N fixed ones, K corners of the lips. Metr
 """
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Float64, Int64
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
@@ -32,12 +32,18 @@ def smoothed(mesh: CutMesh, carry: csr_array, curves: Curves, fixed: Int64[np.nd
     """What is carried near the curves as the mean of neighbours'; of fixed vertices as it is."""
     share = (curves.distance(mesh.points) < SMOOTHED).astype(np.float64)
     share[fixed] = 0
-    graph = edge_matrix(mesh)
-    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1e-12)) @ graph
-    step = diags_array(1 - share / 2) + diags_array(share / 2) @ mean
+    step = towards_neighbours(mesh, share)
     for _ in range(ROUNDS):
         carry = csr_array(step @ carry)
     return carry
+
+
+def towards_neighbours(mesh: CutMesh, share: Float64[np.ndarray, " S"]) -> csr_array:
+    """Times what vertices have, it gives halves of that and of the mean of their neighbours', where the share
+    is 1."""
+    graph = edge_matrix(mesh)
+    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1e-12)) @ graph
+    return csr_array(diags_array(1 - share / 2) + diags_array(share / 2) @ mean)
 
 
 def eased(mesh: CutMesh, carry: csr_array, corners: Int64[np.ndarray, " K"]) -> csr_array:
