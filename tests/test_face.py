@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from assets.asset.asset import Asset, AssetInfo
+from assets.asset.names import rename_joints
 from assets.asset.posed import posed
 from assets.asset.rig import Skeleton
 from assets.errors import GeometryError
@@ -13,7 +14,7 @@ from assets.face.cut import CutMesh, split_edges
 from assets.face.eyes import AROUND, LATITUDES, make_eyes
 from assets.face.face import assembled, carried, with_face
 from assets.face.frame import Frame, at_rest, head_frame
-from assets.face.measure import stretch
+from assets.face.measure import edges_of, stretch
 from assets.face.motions import Motions
 from assets.face.names import ARKIT, EXPRESSIONS, VISEMES
 from assets.face.opened import OpenFace, open_face
@@ -24,6 +25,7 @@ from avatargen.body.load import load_body
 from avatargen.body.model import CanonicalBody, canonical_body
 from avatargen.errors import InputError
 from avatargen.shipped import shipped
+from exporters import vrm
 from tests.bodies import capsule_body
 from tests.figure import figure
 
@@ -177,7 +179,7 @@ def test_eyes_turn_behind_lids(moving: Asset, motions: Motions, frame: Frame) ->
 def test_no_edge_around_the_eyes_is_torn(moving: Asset, motions: Motions) -> None:
     """Those of mouths are measured on people: the body's own lips are sewn together with slivers."""
     faces, rest = welded_faces(moving), places(moving)
-    skin = faces[(faces < motions.skin).all(axis=1)]
+    skin = edges_of(faces[(faces < motions.skin).all(axis=1)])
     shapes = [m.name for m in moving.morphs if m.name.startswith(("eye", "brow", "cheek", "nose"))]
     pulled = {name: stretch(rest, places(moving, **{name: 1.0}), skin).p99 for name in shapes}
     assert len(pulled) == 24
@@ -206,6 +208,20 @@ def test_bones_move_what_they_are_named_after(plain: Asset, moving: Asset, motio
     assert np.linalg.norm(turned[left] - wanted[left], axis=1).max() < 1e-3
     others = np.setdiff1d(np.arange(len(rest)), np.arange(left.start, left.stop))
     assert np.abs(turned[others] - rest[others]).max() < 1e-6
+
+
+def test_programs_know_the_bones_by_their_names(moving: Asset) -> None:
+    names = rename_joints(moving, "mixamo").skeleton.joint_names[-3:]
+    assert names == ("mixamorig:Jaw", "mixamorig:LeftEye", "mixamorig:RightEye")
+    assert rename_joints(moving, "unity").skeleton.joint_names[-3:] == ("Jaw", "LeftEye", "RightEye")
+
+    bones = vrm.human_bones(moving.skeleton.joint_names)
+    assert [bones[name] - len(bones) for name in ("jaw", "leftEye", "rightEye")] == [-3, -2, -1]
+    found = vrm.look_at(moving, bones)["lookAt"]
+    assert isinstance(found, dict) and found["type"] == "bone"
+    offset = found["offsetFromHeadBone"]
+    assert abs(offset[0]) < 0.005 and 0.03 < offset[1] < 0.15 and 0.05 < offset[2] < 0.15
+    assert vrm.look_at(figure(), vrm.human_bones(figure().skeleton.joint_names)) == {}
 
 
 def test_left_and_right_are_mirrored(moving: Asset) -> None:

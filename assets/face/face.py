@@ -43,7 +43,11 @@ def with_face(asset: Asset, body: CanonicalBody, units: FaceUnits | None = None)
         InputError: the body is not the one that the units belong to.
         GeometryError: the surface over lips and eyes is no skin, or breaks off there.
     """
-    units = units or load_face()
+    return assembled(asset, opened(asset, body, units or load_face()))
+
+
+def opened(asset: Asset, body: CanonicalBody, units: FaceUnits) -> OpenFace:
+    """The asset's face, cut open. Raises the errors of `with_face`."""
     if len(body.vertices) != units.body_vertices:
         raise InputError(
             f"face: found a body of {len(body.vertices)} vertices, wanted the default one of "
@@ -56,7 +60,7 @@ def with_face(asset: Asset, body: CanonicalBody, units: FaceUnits | None = None)
         places=asset.canonical.astype(np.float64),
         values=carried(asset),
     )
-    return assembled(asset, open_face(mesh, body, units))
+    return open_face(mesh, body, units)
 
 
 def carried(asset: Asset) -> Float64[np.ndarray, "W C"]:
@@ -75,6 +79,11 @@ def carried(asset: Asset) -> Float64[np.ndarray, "W C"]:
 
 def assembled(asset: Asset, face: OpenFace) -> Asset:
     """The asset on the open face's mesh."""
+    return moving(asset, face)[0]
+
+
+def moving(asset: Asset, face: OpenFace) -> tuple[Asset, Motions, Frame]:
+    """The asset on the open face's mesh, what moves it, and how its head is at rest."""
     for_eyes, for_mouth = free_squares(asset)
     face = lined(face, for_mouth)
     skin = at_rest(face, face.mesh.values[:, PLACE])
@@ -92,7 +101,7 @@ def assembled(asset: Asset, face: OpenFace) -> Asset:
     with_mouth = np.concatenate([face.inside.places, pivot[None]])
     jaw = go_along(with_mouth, face.mesh.points, rest[: face.inside.first])[-1:]
     balls = frame.rest(np.array([ball.centre for ball in motions.eyes.balls]))
-    return with_bones(made, motions, np.concatenate([jaw, balls]), share)
+    return with_bones(made, motions, np.concatenate([jaw, balls]), share), motions, frame
 
 
 def on_mesh(

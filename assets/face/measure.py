@@ -1,6 +1,6 @@
 """How a face bears its shapes: edges that are pulled, faces that fold, gaps of lids and lips.
 
-Letters: V welded vertices, F faces. Metres.
+Letters: V welded vertices, F faces, E edges. Metres.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,15 @@ class Stretch:
     most: float
 
 
+def edges_of(faces: Int64[np.ndarray, "F 3"]) -> Int64[np.ndarray, "E 2"]:
+    """Every edge once."""
+    return np.unique(np.sort(directed_edges(faces), axis=1), axis=0)
+
+
 def stretch(
-    rest: Float64[np.ndarray, "V 3"], at: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]
+    rest: Float64[np.ndarray, "V 3"], at: Float64[np.ndarray, "V 3"], edges: Int64[np.ndarray, "E 2"]
 ) -> Stretch:
-    """Of the edges of some faces that a shape moves, over their lengths at rest."""
-    edges = np.unique(np.sort(directed_edges(faces), axis=1), axis=0)
+    """Of the edges that a shape moves, over their lengths at rest."""
     moved = (np.abs(at - rest).max(axis=1) > MOVED)[edges].any(axis=1)
     if not moved.any():
         return Stretch(p99=1.0, most=1.0)
@@ -74,7 +78,8 @@ def lips_crossed(motions: Motions, at: Float64[np.ndarray, "V 3"]) -> float:
 
 
 def eyes_through(motions: Motions, at: Float64[np.ndarray, "V 3"]) -> float:
-    """How deep skin that a shape has moved lies within an eyeball, deeper than at rest, millimetres."""
+    """How deep skin that a shape has moved lies within an eyeball, deeper than at rest, millimetres; `at` is
+    as large and upright as the canonical head."""
     deepest = 0.0
     for eye, ball in enumerate(motions.eyes.balls):
         near = np.flatnonzero(motions.face.curves.outside(motions.at[: motions.skin], eye) < 0.012)
