@@ -12,7 +12,6 @@ from jaxtyping import Float64, Int64
 from scipy.spatial.transform import Rotation
 
 from assets.face.falloff import bell
-from assets.face.mouth import go_along
 from assets.face.opened import OpenFace
 
 RADIUS = 0.0166  # m of a ball
@@ -122,8 +121,9 @@ def make_eyes(face: OpenFace, own: Float64[np.ndarray, "S 3"]) -> Eyes:
 
 def fitted(face: OpenFace, own: Float64[np.ndarray, "S 3"], eye: int) -> Ball:
     """The ball that lies close behind both lids, its pupil where the canonical one is seen from the front."""
-    pupil = go_along(face.units.balls[eye, None, :3], face.mesh.points, own)[0, :2]
     margin = own[face.margins[eye]]
+    canonical = np.column_stack([face.mesh.points[face.margins[eye], :2], np.ones(len(margin))])
+    pupil = np.append(face.units.balls[eye, :2], 1) @ np.linalg.lstsq(canonical, margin[:, :2], rcond=None)[0]
     centre = np.array([*pupil, margin[:, 2].mean() - RADIUS])
     for _ in range(STEPS):  # Gauss-Newton
         off = margin - centre

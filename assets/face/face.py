@@ -31,8 +31,8 @@ from avatargen.body.face import FaceUnits, load_face
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
 
-STILL = 2e-5  # m; what a shape moves by less stays
-TURNED = 2e-3  # of a normal's length; what a shape turns by less stays
+STILL = 5e-5  # m; what a shape moves by less stays
+TURNED = 2.5e-2  # of a normal's length; what a shape turns by less stays
 PLACE, NORMAL, TANGENT, OTHERS = slice(0, 3), slice(3, 6), slice(8, 12), 12
 
 
