@@ -6,6 +6,8 @@ from assets.asset.asset import Asset, AssetInfo, PlainAsset, Report, TexturedAss
 from assets.asset.bones import add_ends, aim_bones
 from assets.asset.joints import drop_idle_joints
 from assets.asset.rig import Morph, Skeleton
+from assets.asset.sway import add_springs
+from assets.asset.twist import add_twists
 from assets.build_config import AvatarFields, BuildConfig
 from assets.content import LeftOut
 from assets.draft import Draft
@@ -62,14 +64,18 @@ def rig(textured: TexturedAsset, draft: Draft) -> Asset:
         from assets.face.face import with_face  # most assets are made without
 
         asset = with_face(asset, body)
-    return finish_skeleton(asset, config)
+    asset = finish_skeleton(asset, config)
+    if not config.springs:
+        return asset
+    return add_springs(asset, body, draft.avatar.betas, getattr(draft.avatar, "layers", {}))
 
 
 def finish_skeleton(asset: Asset, config: BuildConfig) -> Asset:
     """The skeleton with the joints and the frames that are wanted."""
     asset = drop_idle_joints(asset) if config.joints == "moving" else asset
     asset = add_ends(asset) if config.ends else asset
-    return aim_bones(asset) if config.bones == "along" else asset
+    asset = asset if config.bones == "world" else aim_bones(asset, config.bones)
+    return add_twists(asset) if config.twist else asset
 
 
 def make_morphs(draft: Draft) -> tuple[Morph, ...]:
@@ -111,7 +117,7 @@ def make_report(draft: Draft, planned: tuple[LeftOut, ...], seconds: dict[str, f
     before, after = euler_number(draft.cleaning.surface), euler_number(draft.surface)
     if before != after:
         kept = f"{draft.config.simplifier} left {1 - after // 2} handles of {1 - before // 2}"
-        left_out.append(LeftOut(what="the extracted topology", why=kept))
+        left_out.append(LeftOut(what="handles where layers touch", why=kept))
     dropped = draft.cleaning.dropped_components
     if dropped:
         left_out.append(LeftOut(what=f"{dropped} hidden or loose pieces", why="one closed surface is kept"))

@@ -60,6 +60,8 @@ class BuildConfig:
     ambient_occlusion: int | None = None  # texels along a side of how open the surface lies; None: none
     bones: Bones = "along"  # joints' frames have +y along their bones; world: they are the world's
     ends: bool = False  # a joint that moves nothing where each last bone ends
+    springs: bool = False  # bones along skirts and long hair, which sway
+    twist: bool = False  # bones that share the roll of upper arms and hands
     morphs: bool = False  # a slider for each of the body's shape directions
     face: Face = "none"  # shapes: lips and lids open, and ARKit's shapes and visemes are sliders
     on_ground: bool = True  # soles at y = 0; otherwise the pelvis stays where the body model has it

@@ -11,6 +11,7 @@ Content = Literal["mesh", "textured", "rigged"]
 Joints = Literal["all", "24", "moving"]
 Face = Literal["none", "shapes"]
 FACES: tuple[Face, ...] = ("none", "shapes")
+MOVING_FACE: Face = "shapes"
 CONTENTS: tuple[Content, ...] = ("mesh", "textured", "rigged")
 
 

@@ -27,6 +27,7 @@ from assets.assemble import assemble, finish_skeleton, make_report
 from assets.asset.asset import Asset, Report
 from assets.asset.drop import faces_left, without_hidden
 from assets.asset.parts import join
+from assets.asset.sway import add_springs
 from assets.build_config import AvatarFields, BuildConfig
 from assets.content import LeftOut
 from assets.draft import Draft, open_draft
@@ -106,7 +107,8 @@ def build_parts(
         dropped = LeftOut(what="the body under clothes", why="nobody sees it; its rims are closed")
         report = replace(report, left_out=(*report.left_out, dropped))
     asset = join(made, report)
-    return finish_skeleton(on_ground(asset) if config.on_ground else asset, config)
+    asset = finish_skeleton(on_ground(asset) if config.on_ground else asset, config)
+    return add_springs(asset, avatar.body, avatar.betas, {}) if config.springs else asset
 
 
 def of_part(config: BuildConfig, faces: int, *, first: bool) -> BuildConfig:
@@ -119,6 +121,8 @@ def of_part(config: BuildConfig, faces: int, *, first: bool) -> BuildConfig:
         joints="24" if config.joints == "24" else "all",
         bones="world",
         ends=False,
+        twist=False,
+        springs=False,
         on_ground=False,
         **{name: size and size * (2 if first else 1) for name, size in halves.items()},
     )

@@ -23,6 +23,9 @@ from assets.texture.occlusion import bake_occlusion, distance_to
 
 SEEDS = 32  # cells along the bounds' longest side at which the search ends: of all pieces the largest is kept
 PART_ROUNDS = 2  # of smoothing the weights of a part
+# metres: what a loop goes around that is longer is meant to be there. On a person hands pass through no
+# hole; on a part of one straps and belt loops are handles
+HANDLES, PART_HANDLES = 0.6, 0.02
 MORE_SEEDS = 128  # where others stay, too: a sock, a hat
 
 
@@ -45,11 +48,12 @@ def clean(draft: Draft) -> None:
 def simplify(draft: Draft) -> None:
     """The adaptive simplifier asks the field where its faces belong. pymeshlab and fast-simplification know
     the mesh alone: who asks for them gets what they make of it, laid on the field neither before nor
-    after."""
+    after, and every handle."""
     faces, simplifier = draft.config.faces, draft.config.simplifier
     assert faces is not None, "planned without a number of faces"
     if simplifier == "adaptive":
-        draft.surface = reduce(draft.surface, draft.avatar.sdf, faces, draft.importance)
+        longest = HANDLES if draft.follow is None else PART_HANDLES
+        draft.surface = reduce(draft.surface, draft.avatar.sdf, faces, draft.importance, longest)
     else:
         collapses = SimplifyConfig(target_faces=faces, simplifier=simplifier)
         draft.surface = simplify_surface(draft.surface, collapses)

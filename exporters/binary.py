@@ -24,6 +24,7 @@ class Binary:
     data: bytearray = field(default_factory=bytearray)
     views: list[gltf.BufferView] = field(default_factory=list)
     accessors: list[gltf.Accessor] = field(default_factory=list)
+    pictures: dict[bytes, int] = field(default_factory=dict)  # views of those that are there
 
     def add_bytes(self, raw: bytes, target: int | None = None, stride: int | None = None) -> int:
         """Append bytes; returns the index of their buffer view."""
@@ -34,6 +35,12 @@ class Binary:
         )
         self.data += raw + bytes(-len(raw) % 4)
         return len(self.views) - 1
+
+    def add_picture(self, raw: bytes) -> int:
+        """Append a picture unless it is there; returns the index of its buffer view."""
+        if raw not in self.pictures:
+            self.pictures[raw] = self.add_bytes(raw)
+        return self.pictures[raw]
 
     def add_array(
         self,

@@ -25,6 +25,7 @@ from exporters.quantize import EXTENSION, cube_around, directions, shares, whole
 WEBP = "EXT_texture_webp"
 PICTURES = ("base_color", "normal", "occlusion")  # that an asset can have, in order
 ROUGHNESS = 0.8  # cloth and skin scatter light; nothing on the asset is metal
+ARMATURE = "Armature"  # the node above joints and meshes where there is a root bone
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])  # quaternion x y z w
 
 
@@ -63,8 +64,12 @@ def describe(
         add_skeleton(document, asset.skeleton, binary)
         for made, mesh in zip(document.meshes, meshes.values(), strict=True):
             add_morphs(made, mesh, binary)
-        document.animations = animations(asset, binary)
     add_levels(document, asset, binary)
+    if isinstance(asset, Asset):
+        faces = [number for number, node in enumerate(document.nodes) if node.mesh is not None]
+        document.animations = animations(asset, binary, faces)
+        if asset.skeleton.armature:
+            add_armature(document)
     for name, mesh in meshes.items():
         document.materials.append(material(mesh, name, len(document.textures)))
         if isinstance(mesh, TexturedAsset):
@@ -83,6 +88,13 @@ def add_skeleton(document: gltf.GLTF2, skeleton: Skeleton, binary: Binary) -> No
     document.nodes = [*joint_nodes(skeleton), *skinned]
     places = range(joint_count, len(document.nodes))
     document.scenes[0].nodes = [*np.flatnonzero(skeleton.parents < 0).tolist(), *places]
+
+
+def add_armature(document: gltf.GLTF2) -> None:
+    """One node above all that the scene has, as modellers and pages made for their files look for."""
+    scene = document.scenes[0]
+    document.nodes.append(gltf.Node(name=ARMATURE, children=scene.nodes))
+    scene.nodes = [len(document.nodes) - 1]
 
 
 def add_morphs(mesh: gltf.Mesh, asset: PlainAsset, binary: Binary) -> None:
@@ -114,7 +126,7 @@ def add_textures(
         if picture_uris:
             image.uri = picture_uris[PICTURES.index(name)]
         else:
-            image.bufferView = binary.add_bytes(encoding.picture(name, pixels))
+            image.bufferView = binary.add_picture(encoding.picture(name, pixels))
             image.mimeType = encoding.mime_type
         document.textures.append(picture_texture(document, len(document.images), encoding))
         document.images.append(image)

@@ -1,8 +1,13 @@
 """Animations and morph targets of an asset as glTF has them.
 
-A joint's channel turns its node, the root's also moves it. Joints that no animation moves have no channel,
-and frames within a run that stands still are left out: between two equal keys every viewer stays where it is.
+A joint's channel turns its node, the root's and the hips' also move them. Joints that no animation moves have
+no channel, and frames within a run that stands still are left out: between two equal keys every viewer stays
+where it is. An animation that moves the face has a channel for the weights of each mesh; one of a face alone
+has no other, so that it can be played over one of the body. Letters: T frames, C columns, J joints.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import pygltflib as gltf
@@ -16,14 +21,25 @@ from exporters.binary import Binary
 STILL = 1e-6  # of a quaternion's or place's numbers: below it nothing moves
 
 
-def animations(asset: Asset, binary: Binary) -> list[gltf.Animation]:
-    """One glTF animation each, keys joined by straight lines (glTF turns along the shorter way)."""
+def animations(asset: Asset, binary: Binary, meshes: Sequence[int] = ()) -> list[gltf.Animation]:
+    """One glTF animation each, keys joined by straight lines (glTF turns along the shorter way). `meshes` are
+    the nodes of meshes that have the asset's morphs."""
     moved, turned = moving_parts(asset)
-    return [encode_animation(animation, moved, turned, binary) for animation in asset.animations]
+    made = []
+    for animation in asset.animations:
+        encoded, clock = gltf.Animation(name=animation.name), Clock(times=animation.times, binary=binary)
+        if not of_face_alone(asset, animation):
+            add_joints(encoded, animation, moved, turned, clock)
+        if animation.weights is not None and meshes:
+            sampler = clock.add_sampler(encoded, animation.weights, scalars=True)
+            for node in meshes:
+                add_channel(encoded, sampler, node, "weights")
+        made.append(encoded)
+    return made
 
 
-def moving_parts(asset: Asset) -> tuple[bool, list[int]]:
-    """Whether the root leaves its place, and the joints that leave their rest turn, in any animation.
+def moving_parts(asset: Asset) -> tuple[list[int], list[int]]:
+    """The joints that leave their place, and those that leave their rest turn, in any animation.
 
     All animations have channels for all of them: a viewer that changes from one to the next then leaves no
     joint where the last one had it.
@@ -35,30 +51,61 @@ def moving_parts(asset: Asset) -> tuple[bool, list[int]]:
         for joint in range(len(rest))
         if not all(stays(each.rotations[:, joint], quaternions[joint]) for each in asset.animations)
     ]
-    moved = not all(stays(each.root, rest[0, :3, 3]) for each in asset.animations)
-    return moved or not turned, turned  # glTF wants a channel at least
+    moved = [
+        joint
+        for joint in (asset.animations[0].ways if asset.animations else ())
+        if not all(stays(each.ways[joint], rest[joint, :3, 3]) for each in asset.animations)
+    ]
+    return moved if moved or turned else [0], turned  # glTF wants a channel at least
 
 
-def encode_animation(animation: Animation, moved: bool, turned: list[int], binary: Binary) -> gltf.Animation:
-    """A channel for the root's way where `moved`, and one for each joint in `turned`."""
-    channels = [("rotation", joint, animation.rotations[:, joint]) for joint in turned]
-    if moved:
-        channels.insert(0, ("translation", 0, animation.root))
-    encoded = gltf.Animation(name=animation.name)
-    clock: dict[bytes, int] = {}  # channels with the same times share them
-    for path, node, wide in channels:
+def of_face_alone(asset: Asset, animation: Animation) -> bool:
+    """Morphs have weights, and every joint is at rest."""
+    if animation.weights is None:
+        return False
+    rest = asset.skeleton.T_parent_joint
+    still = (stays(animation.rotations[:, j], turn) for j, turn in enumerate(rest_quaternions(rest)))
+    ways = (stays(way, rest[joint, :3, 3]) for joint, way in animation.ways.items())
+    return all(ways) and all(still)
+
+
+def add_joints(
+    encoded: gltf.Animation, animation: Animation, moved: list[int], turned: list[int], clock: "Clock"
+) -> None:
+    """A channel for the way of each joint in `moved`, and one for each joint in `turned`."""
+    for joint in moved:
+        add_channel(encoded, clock.add_sampler(encoded, animation.ways[joint]), joint, "translation")
+    for joint in turned:
+        add_channel(encoded, clock.add_sampler(encoded, animation.rotations[:, joint]), joint, "rotation")
+
+
+def add_channel(encoded: gltf.Animation, sampler: int, node: int, path: str) -> None:
+    target = gltf.AnimationChannelTarget(node=node, path=path)
+    encoded.channels.append(gltf.AnimationChannel(sampler=sampler, target=target))
+
+
+@dataclass
+class Clock:
+    """The times of one animation; samplers with the same keys share them."""
+
+    times: Float64[np.ndarray, " T"]
+    binary: Binary
+    known: dict[bytes, int] = field(default_factory=dict)
+
+    def add_sampler(
+        self, encoded: gltf.Animation, wide: Float64[np.ndarray, "T C"], scalars: bool = False
+    ) -> int:
+        """The number of a sampler of these values; those of `scalars` stand one by one."""
         values = wide.astype(np.float32)
         kept = keys(values)
-        times = animation.times[kept].astype(np.float32)
-        if times.tobytes() not in clock:
-            clock[times.tobytes()] = binary.add_array(times, bounds=True)
-        sampler = gltf.AnimationSampler(
-            input=clock[times.tobytes()], output=binary.add_array(values[kept]), interpolation="LINEAR"
+        times, shown = self.times[kept].astype(np.float32), values[kept]
+        if times.tobytes() not in self.known:
+            self.known[times.tobytes()] = self.binary.add_array(times, bounds=True)
+        output = self.binary.add_array(shown.ravel() if scalars else shown)
+        encoded.samplers.append(
+            gltf.AnimationSampler(input=self.known[times.tobytes()], output=output, interpolation="LINEAR")
         )
-        target = gltf.AnimationChannelTarget(node=node, path=path)
-        encoded.channels.append(gltf.AnimationChannel(sampler=len(encoded.samplers), target=target))
-        encoded.samplers.append(sampler)
-    return encoded
+        return len(encoded.samplers) - 1
 
 
 def stays(values: Float64[np.ndarray, "T C"], at_rest: Float64[np.ndarray, " C"]) -> bool:

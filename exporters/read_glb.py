@@ -26,6 +26,7 @@ from avatargen.eight_bits import eight_bits
 from avatargen.errors import InputError
 from exporters.glb import WEBP
 from exporters.quantize import EXTENSION as QUANTIZED
+from exporters.read_morphs import read_morphs
 
 READABLE = {WEBP, QUANTIZED}
 MOST_BYTES = 1 << 29
@@ -55,9 +56,17 @@ class Document:
 
     def array(self, accessor: Any) -> np.ndarray:
         """The numbers of an accessor, [count, width], as they are stored."""
-        found = item(self.description["accessors"], accessor)
+        found = self.accessor(accessor)
         if "sparse" in found:
             raise ValueError("an accessor is sparse")
+        return self.stored(found)
+
+    def accessor(self, number: Any) -> Any:
+        """What the file says of an accessor."""
+        return item(self.description["accessors"], number)
+
+    def stored(self, found: Any) -> np.ndarray:
+        """The numbers that an accessor, or a part of a sparse one, describes, [count, width]."""
         dtype, width = np.dtype(TYPES[found["componentType"]]), WIDTHS[found["type"]]
         view = self.view(found["bufferView"])
         stride = item(self.description["bufferViews"], found["bufferView"]).get(
@@ -200,6 +209,7 @@ def read_mesh(document: Document, node: Any, rest: str) -> PlainAsset:
         joints=place[columns(document.array(attributes["JOINTS_0"]), 4).astype(np.int64)],
         weights=document.numbers(attributes["WEIGHTS_0"], 4),
         skeleton=skeleton,
+        morphs=read_morphs(document, item(description["meshes"], node["mesh"]), len(vertices), place),
     )
 
 

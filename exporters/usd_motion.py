@@ -35,24 +35,39 @@ def add_animations(stage: Usd.Stage, asset: Asset, prim: UsdSkel.Skeleton) -> No
     names = unique_names([motion.name for motion in asset.animations], taken | materials)
     paths = [folder.AppendChild(name) for name in names]
     joints = prim.GetJointsAttr().Get()
+    shapes = [morph.name for morph in asset.morphs]
     for path, motion in zip(paths, asset.animations, strict=True):
-        add_animation(UsdSkel.Animation.Define(stage, path), motion, asset.skeleton, joints)
+        animation = UsdSkel.Animation.Define(stage, path)
+        add_animation(animation, motion, asset.skeleton, joints)
+        add_weights(animation, motion, shapes)
     UsdSkel.BindingAPI.Apply(prim.GetPrim()).CreateAnimationSourceRel().SetTargets(paths[:1])
 
 
 def add_animation(
     prim: UsdSkel.Animation, motion: Animation, skeleton: Skeleton, joints: Vt.TokenArray
 ) -> None:
-    """A joint's translation is its rest's, but for the root's."""
+    """A joint's translation is its rest's, but for the root's and the hips'."""
     prim.CreateJointsAttr(joints)
     prim.CreateScalesAttr(Vt.Vec3hArray(len(joints), Gf.Vec3h(1)))
     translations = skeleton.T_parent_joint[:, :3, 3].astype(np.float32)
     moving, turning = prim.CreateTranslationsAttr(), prim.CreateRotationsAttr()
-    for time, rotations, root in zip(motion.times, motion.rotations, motion.root, strict=True):
+    for frame, (time, rotations) in enumerate(zip(motion.times, motion.rotations, strict=True)):
         code = Usd.TimeCode(float(time) * FRAMES_PER_SECOND)
-        translations[0] = root
+        for joint, way in motion.ways.items():
+            translations[joint] = way[frame]
         moving.Set(Vt.Vec3fArray.FromNumpy(translations), code)
         turning.Set(Vt.QuatfArray([Gf.Quatf(w, x, y, z) for x, y, z, w in rotations.tolist()]), code)
+
+
+def add_weights(prim: UsdSkel.Animation, motion: Animation, shapes: Sequence[str]) -> None:
+    """Weights of the shapes that the animation moves; meshes find them by name."""
+    if motion.weights is None:
+        return
+    moved = np.flatnonzero(motion.weights.any(axis=0)).tolist()
+    prim.CreateBlendShapesAttr([shapes[number] for number in moved])
+    weighing = prim.CreateBlendShapeWeightsAttr()
+    for time, weights in zip(motion.times, motion.weights[:, moved].astype(np.float32), strict=True):
+        weighing.Set(Vt.FloatArray.FromNumpy(weights), Usd.TimeCode(float(time) * FRAMES_PER_SECOND))
 
 
 def add_extents(root: UsdGeom.Boundable, meshes: Sequence[tuple[UsdGeom.Boundable, Asset]]) -> None:

@@ -7,13 +7,16 @@ no animations: they go into NAME.vrma beside it.
 from dataclasses import replace
 
 import numpy as np
+import pygltflib as gltf
 
 from assets.asset.asset import Asset, AssetInfo, PlainAsset
 from assets.asset.names import NAME_PRESETS, VRM_HUMAN_BONES
 from assets.asset.rig import Skeleton
+from assets.asset.root_bone import on_hips
+from assets.asset.twist import HALF
 from assets.face.names import ARKIT, EXPRESSIONS, VISEMES
 from avatargen.errors import InputError
-from exporters import glb, vrma
+from exporters import glb, vrm_springs, vrma
 from exporters.encoding import PLAIN, Encoding
 from exporters.file import File
 
@@ -33,6 +36,13 @@ GAZE = {  # degrees that an eye turns for what is aside, above or below
     "VerticalUp": 10.0,
 }
 LARGEST_TURN = 0.1  # radians a joint may be off the T-pose
+ROLLING = "VRMC_node_constraint"
+FOREARM_TWISTS = {
+    table.get(f"{side}_elbow_twist", f"{side}_elbow_twist"): side
+    for table in NAME_PRESETS.values()
+    for side in ("left", "right")
+}
+ALONG = 0.9999  # cosine within which a frame's y axis lies along its bone
 LARGEST_GAP = 0.02  # metres between the soles and the ground
 
 
@@ -42,7 +52,8 @@ def encode_files(asset: PlainAsset, names: tuple[str, ...], encoding: Encoding) 
     files = (File(name, encode(asset, encoding)),)
     if not isinstance(asset, Asset) or not asset.animations:
         return files
-    return (*files, File(motion_name, vrma.encode(asset, human_bones(asset.skeleton.joint_names))))
+    moving = on_hips(asset) if asset.skeleton.armature else asset
+    return (*files, File(motion_name, vrma.encode(moving, human_bones(asset.skeleton.joint_names))))
 
 
 def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
@@ -60,7 +71,7 @@ def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
         raise InputError(f"vrm: the soles are at y = {gap:.2f} m, wanted 0; build with on_ground=True")
     document, data = glb.describe(replace(asset, animations=(), levels=()), encoding)
     mesh_nodes = [i for i, node in enumerate(document.nodes) if node.mesh is not None]
-    document.extensionsUsed = ["VRMC_vrm"]
+    document.extensionsUsed = ["VRMC_vrm", *([ROLLING] if add_rolls(document, asset, bones) else [])]
     document.extensions = {
         "VRMC_vrm": {
             "specVersion": "1.0",
@@ -71,7 +82,30 @@ def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
             "firstPerson": {"meshAnnotations": [{"node": node, "type": "auto"} for node in mesh_nodes]},
         }
     }
+    if asset.springs:
+        document.extensionsUsed.append(vrm_springs.EXTENSION)
+        document.extensions[vrm_springs.EXTENSION] = vrm_springs.spring_bones(asset)
     return glb.pack(document, data)
+
+
+def add_rolls(document: gltf.GLTF2, asset: Asset, bones: dict[str, int]) -> bool:
+    """Let programs roll the forearms' twist bones by half of their hands; whether there are any.
+
+    An upper arm's would have to turn back, which no constraint does: those move with their bones.
+    """
+    skeleton, found = asset.skeleton, False
+    for joint, name in enumerate(skeleton.joint_names):
+        side = FOREARM_TWISTS.get(name)
+        if side is None:
+            continue
+        hand, elbow = bones[f"{side}Hand"], skeleton.parents[joint]
+        way = skeleton.joints[hand] - skeleton.joints[elbow]
+        if skeleton.T_world_joint[joint, :3, 1] @ way < ALONG * np.linalg.norm(way):
+            continue  # its frame has no axis to roll about
+        roll = {"source": hand, "rollAxis": "Y", "weight": HALF}
+        document.nodes[joint].extensions = {ROLLING: {"specVersion": "1.0", "constraint": {"roll": roll}}}
+        found = True
+    return found
 
 
 def expressions(asset: Asset, nodes: list[int]) -> dict[str, object]:
@@ -90,7 +124,8 @@ def expressions(asset: Asset, nodes: list[int]) -> dict[str, object]:
         return {"morphTargetBinds": binds} if binds else {}
 
     presets = {name: expression(shapes) for name, shapes in EXPRESSIONS.items()}
-    return {"expressions": {"preset": presets, "custom": {name: expression({name: 1.0}) for name in ARKIT}}}
+    alone = {name: expression({name: 1.0}) for name in (*ARKIT, *VISEMES)}
+    return {"expressions": {"preset": presets, "custom": alone}}
 
 
 def look_at(asset: Asset, bones: dict[str, int]) -> dict[str, object]:

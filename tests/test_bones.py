@@ -100,6 +100,23 @@ def test_toes_lie_level_and_ahead(fingers: bool, rest: str) -> None:
         assert along @ (before * [1, 0, 1]) == pytest.approx(np.linalg.norm(before * [1, 0, 1]))
 
 
+def test_arms_roll_as_mixamos_do() -> None:
+    """In the T-pose +y lies along each bone; of a rig of Mixamo's, x points back on the left arm and forward
+    on the right one, and legs and trunk are as by default."""
+    asset = body_asset(rest="t")
+    found, usual = aim_bones(asset, "mixamo").skeleton, aim_bones(asset).skeleton
+    for joint, name in enumerate(found.joint_names):
+        frame = found.T_world_joint[joint, :3, :3]
+        assert frame @ frame.T == pytest.approx(np.eye(3), abs=1e-9) and np.linalg.det(frame) > 0
+        np.testing.assert_allclose(frame[:, 1], usual.T_world_joint[joint, :3, 1], atol=1e-9)
+        if name.endswith(("shoulder", "elbow", "wrist", "index1", "middle1")):
+            side = 1.0 if name.startswith("left") else -1.0
+            wanted = np.array([[0, side, 0], [0, 0, -1], [-side, 0, 0]])
+            assert np.trace(wanted.T @ frame) > 1 + 2 * np.cos(np.radians(25)), name  # turned by less
+        elif name in ("pelvis", "neck", "left_hip", "right_knee", "left_ankle", "right_foot", "head"):
+            np.testing.assert_allclose(frame, usual.T_world_joint[joint, :3, :3], atol=1e-9)
+
+
 def test_animations_move_the_skin_as_before() -> None:
     asset = body_asset()
     moved = animate(asset, [make_clip("range", figure_of(asset), fps=5.0)])

@@ -105,7 +105,7 @@ def fails(arguments: list[str], capsys: pytest.CaptureFixture[str], program=avat
         (["--seed", "3", "--preview", "missing/a.png"], "cannot write missing/a.png"),
         (["--seed", "3", "--weights", "none.safetensors"], "found no file none.safetensors"),
         (["--seed", "3", "--body", "none.npz"], "found no file none.npz"),
-        (["--seed", "3", "--clip", "fly"], "--clip: invalid choice: 'fly'"),
+        (["--seed", "3", "--clip", "fly"], "--clip: found clip 'fly', wanted one of"),
         (["--seed", "3", "--names", "maya"], "--names: invalid choice: 'maya'"),
         (["--seed", "3", "--motion", "none.npz"], "found no file none.npz"),
         (["--seed", "3", "--fps", "0"], "--fps: found '0', wanted a number above 0, up to 1000"),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from assets import BuildConfig
+from assets.content import MOVING_FACE
 from avatargen.commands.export import avatar_export
 from avatargen.commands.export.options import make_parser, parse, read
 from avatargen.errors import InputError
@@ -21,6 +22,7 @@ from exporters.encoding import Encoding
 from tests import cli_page
 
 WALKING = ("--seed", "3", "--clip", "walk")
+MOVING = ("--seed", "3", "--face", MOVING_FACE)
 APART = ("--seed", "3", "--parts", "separate")
 PHOTO = ("--photo", "a.jpg")
 ONE, MANY = ("--seed", "3"), ("--seeds", "0:2", "--out", "crowd")
@@ -36,6 +38,7 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "--parts": (ONE, (*ONE, "--parts", "separate")),
     "--hidden": (APART, (*APART, "--hidden", "keep")),
+    "--part-names": (APART, (*APART, "--part-names", "rpm")),
     "--mesher": (ONE, (*ONE, "--mesher", "marching-cubes")),
     "--simplifier": (ONE, (*ONE, "--simplifier", "pymeshlab")),
     "--wear": (ONE, (*ONE, "--wear", "8:top,outer")),
@@ -95,9 +98,14 @@ CHANGES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "--names": (ONE, (*ONE, "--names", "unity")),
     "--bones": (ONE, (*ONE, "--bones", "world")),
     "--ends": (ONE, (*ONE, "--ends")),
+    "--root": (ONE, (*ONE, "--root")),
+    "--twist": (ONE, (*ONE, "--twist")),
+    "--springs": (ONE, (*ONE, "--springs")),
     "--morphs": (ONE, (*ONE, "--morphs")),
     "--face": (ONE, (*ONE, "--face", "shapes")),
     "--clip": (ONE, (*ONE, "--clip", "walk")),
+    "--say": (MOVING, (*MOVING, "--say", "hello")),
+    "--phonemes": (MOVING, (*MOVING, "--phonemes", "a.json")),
     "--motion": (ONE, (*ONE, "--motion", "a.npz")),
     "--motion-up": ((*ONE, "--motion", "a.npz"), (*ONE, "--motion", "a.npz", "--motion-up", "y")),
     "--fps": (WALKING, (*WALKING, "--fps", "24")),
@@ -189,7 +197,9 @@ def test_every_field_of_a_request_is_reached_by_an_option() -> None:
     assert set(names) - reached == {"change", "head_detail", "on_ground"}
 
 
-@pytest.mark.parametrize("option", ["--weights", "--body", "--pose", "--motion", "--mask", "--person"])
+@pytest.mark.parametrize(
+    "option", ["--weights", "--body", "--pose", "--motion", "--mask", "--person", "--phonemes"]
+)
 def test_files_enter_by_their_contents(option: str) -> None:
     name = CHANGES[option][1][-1]
     words = () if option == "--person" else CHANGES[option][0]
@@ -310,6 +320,14 @@ def test_the_format_comes_from_the_name_and_the_path_from_both() -> None:
         ({"format": "usdz", "encoding": Encoding(quantize=True)}, "rounded numbers"),
         ({"format": "obj", "build": BuildConfig(content="textured", ambient_occlusion=64)}, "holds none"),
         ({"build": BuildConfig(content="mesh"), "clips": ("walk",)}, "holds no skeleton"),
+        ({"clips": ("fly",)}, "found clip 'fly', wanted one of idle, walk"),
+        ({"clips": ("walk,idle",)}, "found clip walk,idle; one of the body"),
+        ({"clips": ("talk,talk",)}, "found clip talk,talk"),
+        ({"clips": ("walk,talk",)}, "found --clip walk,talk on a face that does not move"),
+        ({"say": "hello"}, "found --say or --phonemes on a face that does not move"),
+        ({"say": "..."}, "wanted words"),
+        ({"say": "a", "phonemes": Path("a.json")}, "give one"),
+        ({"clips": ("say",)}, "without a word to say"),
         ({"tolerance_mm": 1.0, "budget_s": 5.0}, "give one of them alone"),
         ({"tolerance_mm": 1.0, "levels": (500,)}, "--tolerance and --lods"),
         ({"preview": Path("a.jpg")}, "ends in .png"),

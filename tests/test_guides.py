@@ -75,7 +75,7 @@ def test_commands_are_accepted(words: list[str], tmp_path: Path, monkeypatch: py
     """The files that they name are there; what these hold is not looked at."""
     monkeypatch.chdir(tmp_path)
     for word in words:
-        if word.endswith((".npz", ".pkl", ".safetensors")):
+        if word.endswith((".npz", ".pkl", ".safetensors", "phonemes.json")):
             Path(word).parent.mkdir(parents=True, exist_ok=True)
             Path(word).touch()
     if words[0] == "avatargen":

@@ -291,8 +291,11 @@ def test_hair_under_a_hat_stays_inside_it_above_its_opening():
         np.array([-0.02, 0.03, 0.03, -0.02]),
         np.array([0.05, 0.05, -0.04, -0.04]),
     )
-    cut = under_hat(hair, hat, above)
+    cut = under_hat(hair, hat, above, np.zeros(4))
     assert np.allclose(cut, [-0.01, 0.033, -0.01, -0.01])  # inside it, beside it, and below it twice
+    # 3 cm off the head: too far at the hat's edge, where it is pressed, and not at the ears
+    far = under_hat(hair[:2], np.full(2, 0.03), np.array([-0.01, -0.09]), np.full(2, 0.03))
+    assert far[0] > 0 > far[1]
 
 
 def test_an_opening_is_the_plane_of_the_longest_edge(shirt):

@@ -18,6 +18,7 @@ from avatargen.commands.export import avatar_export
 from avatargen.commands.look.render import load as load_drawn
 from avatargen.commands.look.render import parse as parse_drawn
 from avatargen.commands.look.render import read_seed
+from avatargen.commands.viewer.people import People, Photo, Wish
 from avatargen.errors import InputError
 from avatargen.export.one import export_avatar
 from avatargen.export.person_file import FORMAT, encode_person, read_person
@@ -120,6 +121,20 @@ def test_without_pixels_the_pose_alone_is_kept(tmp_path: Path, found: FoundPerso
     assert isinstance(person, SavedPhotographed) and person.painted(asset) is asset
 
 
+def test_the_viewer_shows_the_person_of_a_file(kept: Path, found: FoundPerson) -> None:
+    """One who was drawn, and one of a photograph, in its pose's file without pixels: no network is needed."""
+    people = People(sampler(), lambda faces: replace(COARSE, faces=faces))
+    less = encode_person(saved(found.avatar, found, pixels=False))
+    for data, avatar in ((kept.read_bytes(), sampler().sample(3)), (less, found.avatar)):
+        wish = Wish(seed=0, faces=2000, photo=Photo("me.SAFETENSORS", data))
+        shown = people.get(wish, lambda stage, share: None).asset
+        assert isinstance(shown, TexturedAsset)
+        wanted = build(avatar, COARSE)
+        assert isinstance(wanted, TexturedAsset)
+        assert np.array_equal(shown.vertices, wanted.vertices)
+        assert np.array_equal(shown.texture, wanted.texture)
+
+
 def test_what_is_not_the_person_is_not_kept(found: FoundPerson) -> None:
     sighting = found.sightings[0]
     far = np.ones(sighting.mask.shape, bool)
@@ -215,7 +230,7 @@ def test_what_does_not_go_with_a_person_is_one_line_and_no_file(
 
 
 def test_a_person_of_a_file_is_drawn(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("assets.BuildConfig", lambda pose: replace(COARSE, pose=pose))
+    monkeypatch.setattr("assets.BuildConfig", lambda pose, face: replace(COARSE, pose=pose, face=face))
     one = load_drawn(parse_drawn([str(kept)]), read_seed(str(kept)))
     other = load_drawn(parse_drawn(["3"]), 3)
     assert isinstance(one, TexturedAsset) and isinstance(other, TexturedAsset)

@@ -184,7 +184,7 @@ def test_a_change_of_topology_is_reported(monkeypatch: pytest.MonkeyPatch) -> No
     config = replace(SMALL, resolution=48, faces=1280, content="mesh", simplifier="fast-simplification")
     asset = build_mesh(avatar, config)
     said = {item.what: item.why for item in report_of(asset).left_out}
-    assert said["the extracted topology"] == "fast-simplification left 0 handles of 1"
+    assert said["handles where layers touch"] == "fast-simplification left 0 handles of 1"
 
 
 def build_mesh(avatar: Shape, config: BuildConfig) -> Any:

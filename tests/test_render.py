@@ -71,6 +71,23 @@ def test_a_clip_becomes_a_film_on_the_spot(capsys: pytest.CaptureFixture[str]) -
     assert all(np.abs(one - other).max() > 40 for one, other in itertools.pairwise(seen))
 
 
+def test_a_face_speaks_in_a_film(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a file with shapes; the film has the clip's name."""
+    from tests.figure import figure
+    from tests.test_face_files import with_shapes
+
+    export(with_shapes(figure()), "c.glb")
+    assert main(["c.glb", "--say", "ma", "--fps", "5", "--views", "front", *SMALL]) == 0
+    assert capsys.readouterr().out.split() == ["c_say.webp"]
+    film = Image.open("c_say.webp")
+    assert 3 <= film.n_frames <= 5  # pyright: ignore[reportAttributeAccessIssue]
+    seen = []
+    for frame in (0, 1):  # before it speaks, and with lips closed
+        film.seek(frame)
+        seen.append(np.asarray(film.convert("RGB")).astype(int))
+    assert np.abs(seen[0] - seen[1]).max() > 40
+
+
 def test_a_seed_is_built_in_the_rest_pose(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,6 +121,10 @@ def test_a_seed_is_built_in_the_rest_pose(
         (["a.glb", "--clip", "walk", "--out", "a.png"], "give a name that ends in .gif or .mp4 or .webp"),
         (["a.glb", "--clip", "walk", "--pose", "sit"], "found --clip and --pose"),
         (["a.glb", "--clip", "walk"], "the body has no joint"),
+        (["a.glb", "--clip", "fly"], "found clip 'fly'"),
+        (["a.glb", "--clip", "say"], "without a word to say"),
+        (["a.glb", "--say", "hello", "--out", "a.png"], "give a name that ends in .gif or .mp4 or .webp"),
+        (["a.glb", "--say", "hello"], "the face has no shape viseme_"),
         (["a.glb", "--turntable", "none/a.gif"], "cannot write none/a.gif"),
         (["a.glb", "--views", "top"], "no view is named top"),
         (["a.glb", "--pose", "moonwalk"], "no pose is named 'moonwalk'"),

@@ -28,7 +28,9 @@ from assets import Asset, BuildConfig, with_levels
 from assets.asset.asset import part_names
 from assets.asset.bones import aim_bones
 from assets.asset.levels import level_error
+from assets.content import MOVING_FACE
 from assets.errors import GeometryError
+from assets.face.names import ARKIT, VISEMES
 from assets.picture.paint import painted
 from avatargen import load_generator
 from avatargen.body.load import save_body
@@ -44,6 +46,7 @@ from exporters.read_glb import read_glb
 from tests import browser
 from tests.bodies import capsule_body
 from tests.layered import person
+from tests.test_face_files import with_shapes
 from tests.verdicts import require
 
 try:
@@ -54,8 +57,9 @@ try:
     from websockets.typing import Origin, Subprotocol
 
     from avatargen.commands.viewer.camera import ROOM, place
+    from avatargen.commands.viewer.face import STILL
     from avatargen.commands.viewer.head import HEAD
-    from avatargen.commands.viewer.page import ERROR_LIMIT, LARGEST_SEED, LEVELS, STILL, Page
+    from avatargen.commands.viewer.page import ERROR_LIMIT, LARGEST_SEED, LEVELS, Page
     from avatargen.commands.viewer.people import KEPT, People, Wish
     from avatargen.commands.viewer.server import PrivateServer, own_origins
     from avatargen.commands.viewer.tabs import Tabs, set_scene
@@ -229,6 +233,85 @@ def test_a_person_is_built_once_and_the_last_few_are_kept(
         assert person.avatar.info.seed == seed
     assert built == [(seed, 200) for seed in (0, 1, 2, 3, 4, 1)]  # 1 had made room for 4
     assert len(own.kept) == KEPT
+
+
+def with_faces(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on whoever asks for a face that moves gets one."""
+    plain, moving = page.asset, MOVING_FACE
+    assert plain is not None
+
+    def build(avatar: Any, config: BuildConfig, progress: object) -> Asset:
+        return with_shapes(plain) if config.face == moving else plain
+
+    monkeypatch.setattr("avatargen.commands.viewer.people.build", build)
+    page.people = People(page.people.sampler, page.people.settings)
+
+
+def test_every_shape_of_a_face_has_a_slider_where_the_face_moves(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_faces(page, monkeypatch)
+    settle(page)
+    assert page.face.folder is None and page.face.sliders == {} and page.face.weights() == {}
+    page.moving_face.value = True
+    settle(page)
+    assert list(page.face.sliders) != [] and set(page.face.sliders) == {*ARKIT, *VISEMES}
+    assert page.shape is not None and page.asset is not None and page.shape.morphs == ()
+    rest, jaw = page.shape.vertices, next(m for m in page.asset.morphs if m.name == "jawOpen")
+    page.face.sliders["jawOpen"].value = 0.5
+    settle(page)
+    assert page.shape is not None
+    moved = page.shape.vertices - rest
+    size = np.linalg.norm(moved, axis=1)  # in the pose of the sliders, which turns it
+    np.testing.assert_allclose(size, 0.5 * np.linalg.norm(jaw.vertices, axis=1), atol=1e-5)
+    assert size.max() > 1e-3
+    name, data = page.file()
+    document = GLTF2.load_from_bytes(data)  # rests as it was built, with every shape
+    assert document is not None and document.meshes[0].extras is not None
+    assert document.meshes[0].extras["targetNames"] == [*ARKIT, *VISEMES]
+    np.testing.assert_array_equal(page.asset.vertices, page.people.get(page.wanted(), quiet).asset.vertices)
+    page.format.value = "vrm"  # rests in the T-pose, and has the shapes there
+    assert b"morphTargetBinds" in page.file()[1]
+    page.moving_face.value = False
+    settle(page)
+    assert page.face.folder is None and page.face.sliders == {} and name == "avatar_3.glb"
+
+
+def test_the_mouth_says_what_is_typed(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_faces(page, monkeypatch)
+    page.moving_face.value = True
+    settle(page)
+    page.face.said.value = "Bob, my map!"
+    settle(page)
+    assert page.shape is not None and page.wireframe.disabled
+    (animation,) = page.shape.animations
+    names = [morph.name for morph in page.shape.morphs]  # those alone that are moved
+    assert animation.name == "say" and animation.weights is not None
+    assert "viseme_PP" in names and len(names) < 15
+    assert animation.weights[:, names.index("viseme_PP")].max() == 1.0
+    page.clip.value, page.face.clip.value = "walk", "smile"
+    settle(page)
+    assert page.shape is not None
+    (animation,) = page.shape.animations
+    assert animation.name == "walk_smile_say" and animation.weights is not None
+    assert {"mouthSmileLeft", "viseme_PP"} <= {morph.name for morph in page.shape.morphs}
+    document = GLTF2.load_from_bytes(page.file()[1])
+    assert document is not None and document.animations[0].name == "walk_smile_say"
+    assert any(channel.target.path == "weights" for channel in document.animations[0].channels)
+    shown = page.shape
+    page.face.said.value = "\u4f60\u597d"
+    settle(page)
+    assert "which has no English word" in page.status.content and page.shape is shown
+    page.face.said.value, page.face.clip.value, page.clip.value = "", STILL, STILL
+    settle(page)
+    assert page.shape is not None and page.shape.animations == () and not page.wireframe.disabled
+
+
+def test_who_has_another_body_has_no_face_that_moves(page: Page) -> None:
+    page.moving_face.value = True
+    settle(page)
+    assert "face: found a body of" in page.status.content
+    assert not page.moving_face.value and page.face.folder is None
 
 
 def test_clothes_come_off_and_go_on_again(server: PrivateServer, tmp_path: Path) -> None:
@@ -490,6 +573,16 @@ def test_a_bad_photograph_is_refused_and_all_stays(page: Page, data: bytes, said
     page.step()
     assert page.asset is asset and page.photo.photo is None and not page.photo.picture.visible
     assert page.status.content.startswith(f"**{said}") and page.status.content.endswith(f"\n\n{kept}")
+
+
+@pytest.mark.parametrize("data", [b"", b"nobody", (1 << 40).to_bytes(8, "little") + b"{}"])
+def test_a_file_that_holds_no_person_is_refused_and_all_stays(page: Page, data: bytes) -> None:
+    asset, kept = page.asset, page.status.content
+    give_photo(page, "me.safetensors", data)
+    page.step()
+    assert page.asset is asset and page.photo.photo is None and not page.photo.leave.visible
+    assert page.status.content.startswith("**person: me.safetensors is no whole safetensors file")
+    assert page.status.content.endswith(f"\n\n{kept}")
 
 
 def test_a_bad_photograph_leaves_the_good_one(page: Page) -> None:
@@ -794,6 +887,24 @@ def test_the_keyboard_opens_every_heading_and_reaches_every_slider(people: Peopl
         before = page.angles["left arm up"].value
         tab.press(RIGHT)
         browser.wait(lambda: page.angles["left arm up"].value == before + 1, "one degree more")
+
+
+def test_a_face_speaks_in_a_browser(people: People, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its folder is there once it moves, its shapes are folded away, and what is typed is said."""
+    with looked_at(people, tmp_path, browser.DESK) as (tab, page):
+        with_faces(page, monkeypatch)
+        assert "Face" not in tab.text().split("\n")
+        page.moving_face.value = True
+        browser.wait(lambda: "clip of the face" in tab.text(), "the face's controls")
+        assert "visemes" in tab.text() and "jawOpen" not in tab.text()
+        tab.click("jaw and tongue")
+        browser.wait(lambda: "jawOpen" in tab.text(), "the sliders of the jaw")
+        tab.run("[...document.querySelectorAll('.mantine-TextInput-input')].at(-1).focus()")
+        tab.press(*"mama", ENTER)
+        browser.wait(lambda: page.shape is not None and page.shape.animations, "what is said")
+        assert page.face.words == "mama"
+        before = pixels(tab, tmp_path)
+        browser.wait(lambda: np.any(pixels(tab, tmp_path) != before), "a picture that moves")
 
 
 def test_the_page_on_a_phone(people: People, tmp_path: Path) -> None:

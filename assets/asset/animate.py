@@ -10,7 +10,7 @@ the parent p of j
     world joint frame = W_j B_j,  parent <- joint = B_p^-1 A_p R_j A_j^-1 B_j   (B_p = A_p = I above the root)
 
 and a bone's translation in its parent's frame stays as it is at rest. Letters: T frames, J joints, W
-vertices.
+vertices, M morphs.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,9 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial.transform import Rotation
 
 from assets.asset.asset import Asset
+from assets.asset.drape import drape
 from assets.asset.rig import Animation, Skeleton
+from assets.asset.twist import drive_twists
 from avatargen.body.joints import driving_name
 from avatargen.errors import InputError
 from avatargen.motion.figure import Figure
@@ -38,13 +40,35 @@ def animate(asset: Asset, motions: Sequence[Motion], on_ground: bool = True) -> 
     a motion file has other legs than this one, and `retargeted` makes such a motion this figure's.
 
     Raises:
-        InputError: a motion shares no joint with the skeleton.
+        InputError: a motion shares no joint with the skeleton, or moves shapes that the asset has not.
         GeometryError: two animations share a name.
     """
-    made = [animation_of(asset.skeleton, motion) for motion in retargeted(asset, motions)]
-    if on_ground:
-        made = [replace(a, root=a.root - [0.0, lowest(asset, a), 0.0]) for a in made]
+    made = []
+    for motion in retargeted(asset, motions):
+        animation = drape(animation_of(asset.skeleton, motion), asset.skeleton, asset.springs)
+        if on_ground and motion.joint_names:
+            animation = replace(animation, root=animation.root - [0.0, lowest(asset, animation), 0.0])
+        made.append(replace(animation, weights=morph_weights(asset, motion)))
     return replace(asset, animations=(*asset.animations, *made))
+
+
+def morph_weights(asset: Asset, motion: Motion) -> Float64[np.ndarray, "T M"] | None:
+    """The motion's weights as those of the asset's morphs; None where it moves no face.
+
+    Raises:
+        InputError: the asset lacks a shape that the motion moves.
+    """
+    if motion.weights is None:
+        return None
+    names = [morph.name for morph in asset.morphs]
+    missing = [shape for shape in motion.shapes if shape not in names]
+    if missing:
+        raise InputError(
+            f"motion {motion.name}: the face has no shape {missing[0]}; make one that moves, as --face does"
+        )
+    weights = np.zeros((len(motion.times), len(names)))
+    weights[:, [names.index(shape) for shape in motion.shapes]] = motion.weights
+    return weights
 
 
 def retargeted(asset: Asset, motions: Sequence[Motion]) -> tuple[Motion, ...]:
@@ -58,11 +82,14 @@ def retargeted(asset: Asset, motions: Sequence[Motion]) -> tuple[Motion, ...]:
 
 
 def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
-    """The motion on this skeleton, the pelvis at its place in the T-pose plus the motion's translation.
+    """The motion on this skeleton, the pelvis at its place in the T-pose plus the motion's translation; one
+    of a face alone leaves it at rest.
 
     Raises:
         InputError: the motion shares no joint with the skeleton.
     """
+    if not motion.joint_names:
+        return at_rest(skeleton, motion)
     turned = zero_rotations(len(motion.times), len(skeleton.parents))
     found = [driving_name(name, motion.joint_names) for name in skeleton.joint_names]
     shared = [(j, motion.joint_names.index(name)) for j, name in enumerate(found) if name is not None]
@@ -73,6 +100,7 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         )
     for joint, source in shared:
         turned[:, joint] = Rotation.from_quat(motion.rotations[:, source]).as_matrix()
+    drive_twists(turned, skeleton)
     frames, rest = skeleton.T_world_joint[:, :3, :3], rest_rotations_of(skeleton)
     above = np.where(skeleton.parents >= 0, skeleton.parents, 0)
     root = (skeleton.parents < 0)[:, None, None]
@@ -84,6 +112,19 @@ def animation_of(skeleton: Skeleton, motion: Motion) -> Animation:
         times=motion.times,
         rotations=continuous(quaternions),
         root=skeleton.joints[0] + motion.translation,
+    )
+
+
+def at_rest(skeleton: Skeleton, motion: Motion) -> Animation:
+    """The skeleton at rest for as long as the motion lasts."""
+    local = skeleton.T_parent_joint
+    quaternions = Rotation.from_matrix(local[:, :3, :3]).as_quat(canonical=True)
+    frames = len(motion.times)
+    return Animation(
+        name=motion.name,
+        times=motion.times,
+        rotations=np.tile(quaternions, (frames, 1, 1)),
+        root=np.tile(local[0, :3, 3], (frames, 1)),
     )
 
 
@@ -124,13 +165,34 @@ def lowest(asset: Asset, animation: Animation) -> float:
 
 
 def boxes(asset: Asset, animation: Animation) -> Float64[np.ndarray, "T 2 3"]:
-    """The low and the high corner of the box around the skinned vertices in each frame, metres."""
+    """The low and the high corner of the box around the skinned vertices in each frame, metres; morphs move
+    none of them out of it."""
     T_posed_rest = animation.T_posed_rest(asset.skeleton)
     found = np.empty((len(T_posed_rest), 2, 3))
     for axis in range(3):
         parts = [(p.min(axis=0), p.max(axis=0)) for p in along_axis(asset, T_posed_rest, axis)]
         found[:, :, axis] = np.concatenate([np.stack(part, axis=1) for part in parts])
+    for frame, moved in enumerate(morphed_points(asset, animation, T_posed_rest)):
+        if len(moved):
+            found[frame, 0] = np.minimum(found[frame, 0], moved.min(axis=0))
+            found[frame, 1] = np.maximum(found[frame, 1], moved.max(axis=0))
     return found
+
+
+def morphed_points(
+    asset: Asset, animation: Animation, T_posed_rest: Float64[np.ndarray, "T J 4 4"]
+) -> Iterator[Float64[np.ndarray, "_ 3"]]:
+    """In each frame the places of those vertices that morphs move in any of the animation."""
+    if animation.weights is None:
+        return
+    used = np.flatnonzero(animation.weights.any(axis=0))
+    ways = np.stack([np.zeros_like(asset.vertices), *(asset.morphs[i].vertices for i in used)])[1:]
+    rows = np.flatnonzero(ways.any(axis=(0, 2)))
+    rest, shares = asset.vertices[rows].astype(np.float64), asset.weights[rows].astype(np.float64)
+    for transforms, weights in zip(T_posed_rest, animation.weights[:, used], strict=True):
+        at = rest + np.einsum("m,mwd->wd", weights, ways[:, rows].astype(np.float64))
+        blended = np.einsum("wk,wkab->wab", shares, transforms[asset.joints[rows], :3])
+        yield np.einsum("wab,wb->wa", blended[:, :, :3], at) + blended[:, :, 3]
 
 
 def along_axis(

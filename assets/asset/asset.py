@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float32, Int, Int64, UInt8
 
 from assets.asset.rig import Animation, Morph, Skeleton
+from assets.asset.spring import Collider, Spring
 from assets.content import LeftOut
 from assets.errors import GeometryError
 from assets.mesh.measure import SurfaceError
@@ -142,6 +143,8 @@ class Asset(TexturedAsset):
     animations: tuple[Animation, ...] = ()
     morphs: tuple[Morph, ...] = ()
     parts: tuple[Part, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    colliders: tuple[Collider, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -179,6 +182,8 @@ def check_motion(asset: Asset) -> None:
     for animation in asset.animations:
         if animation.rotations.shape[1] != joint_count:
             raise GeometryError(f"asset: animation {animation.name} is not of its {joint_count} joints")
+        if animation.weights is not None and animation.weights.shape[1] != len(asset.morphs):
+            raise GeometryError(f"asset: animation {animation.name} is not of its {len(asset.morphs)} morphs")
     for morph in asset.morphs:
         if (len(morph.vertices), len(morph.joints)) != (vertex_count, joint_count):
             raise GeometryError(f"asset: morph {morph.name} is not of its {vertex_count} vertices")

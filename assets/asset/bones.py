@@ -2,7 +2,9 @@
 
 A file's joint is a frame, not a bone: Blender draws a bone along the frame's +y and as long as the way to the
 nearest child. So frames are turned until +y lies along the bone, and end joints, which move nothing, are put
-where the flesh of the last bones ends. Letters: J joints, E ends, T frames, W vertices.
+where the flesh of the last bones ends. What is left is the roll about a bone. It matters to who copies turns
+from one rig's joints to another's as they are: Mixamo's animations, and pages for talking heads. Letters: J
+joints, E ends, T frames, W vertices.
 """
 
 from dataclasses import replace
@@ -14,11 +16,20 @@ from scipy.spatial.transform import Rotation
 
 from assets.asset.asset import Asset
 from assets.asset.rig import Animation, Skeleton
+from avatargen.body.joints import FINGERS
 from avatargen.motion.motion import continuous
 
-Bones = Literal["along", "world"]
+Bones = Literal["along", "mixamo", "world"]
 SHORTEST = 1e-3  # metres of a bone that has a direction
 FORWARD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+ARMS = (
+    "collar",
+    "shoulder",
+    "elbow",
+    "wrist",
+    "hand",
+    *FINGERS,
+)  # how their joints' names go on behind the side
 ALONG_FORWARD = 0.85  # cosine: a bone that points forward more than this has its z axis up instead
 HELD = 0.5  # weight from which a vertex is a bone's own
 STANDING = 0.02  # metres above the lowest point within which flesh stands on the ground
@@ -65,25 +76,38 @@ def flesh_end(asset: Asset, joint: int, onward: Float64[np.ndarray, "3"]) -> Flo
     return head + middle / length * max(float((ways @ middle / length).max()), SHORTEST)
 
 
-def frame_along(direction: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
-    """The right-handed frame whose y axis has this direction and whose z axis faces forward, or up where the
-    bone itself points forward."""
+def frame_along(
+    direction: Float64[np.ndarray, "3"], facing: Float64[np.ndarray, "3"] = FORWARD
+) -> Float64[np.ndarray, "3 3"]:
+    """The right-handed frame whose y axis has this direction and whose z axis faces as it is told, or up
+    where the bone itself points there; where that is down, forward."""
     y = direction / np.linalg.norm(direction)
-    facing = UP if abs(y @ FORWARD) > ALONG_FORWARD else FORWARD
+    if abs(y @ facing) > ALONG_FORWARD:
+        facing = FORWARD if facing @ UP else UP
     z = facing - (facing @ y) * y
     z /= np.linalg.norm(z)
     return np.stack([np.cross(y, z), y, z], axis=1)
 
 
-def aim_bones(asset: Asset) -> Asset:
-    """The same asset with every joint's frame turned so that +y lies along its bone; nothing moves."""
+def aim_bones(asset: Asset, bones: Bones = "along") -> Asset:
+    """The same asset with every joint's frame turned so that +y lies along its bone; nothing moves.
+
+    The z axes face forward; with `mixamo` those of arms and hands face down, as they do on Mixamo's rigs.
+    """
     skeleton = asset.skeleton
     T_world_joint = skeleton.T_world_joint.copy()
     for joint, way in enumerate(bone_tails(asset) - skeleton.joints):
-        T_world_joint[joint, :3, :3] = frame_along(way)
+        down = bones == "mixamo" and of_an_arm(skeleton.joint_names[joint])
+        T_world_joint[joint, :3, :3] = frame_along(way, -UP if down else FORWARD)
     aimed = replace(skeleton, T_world_joint=T_world_joint)
     animations = tuple(reframed(animation, skeleton, aimed) for animation in asset.animations)
     return replace(asset, skeleton=aimed, animations=animations)
+
+
+def of_an_arm(name: str) -> bool:
+    """Whether a joint, by SMPL's name, is one of an arm or a hand."""
+    side, _, part = name.partition("_")
+    return side in ("left", "right") and part.startswith(ARMS)
 
 
 def reframed(animation: Animation, old: Skeleton, new: Skeleton) -> Animation:

@@ -1,8 +1,9 @@
 """Names of joints that other programs expect, for a skeleton whose joints have SMPL's names.
 
 `unity` are Unity's human bones, which VRM's are in camel case; `mixamo` those of Mixamo's rigs; `unreal`
-those of Unreal's mannequins. SMPL's `left_hand` sits at the middle finger's knuckle and moves all fingers, so
-it has that bone's name. A joint that a table does not have keeps its own name.
+those of Unreal's mannequins; `rpm` Mixamo's without their prefix, as Ready Player Me's avatars have them.
+SMPL's `left_hand` sits at the middle finger's knuckle and moves all fingers, so it has that bone's name. A
+joint that a table does not have keeps its own name.
 """
 
 from dataclasses import replace
@@ -45,6 +46,11 @@ SIDED = {
     },
 }
 
+TWISTS = {  # bones that share a roll
+    "shoulder_twist": ("UpperArmTwist", "ArmTwist", "upperarm_twist_01"),
+    "elbow_twist": ("LowerArmTwist", "ForeArmTwist", "lowerarm_twist_01"),
+}
+
 ARM_AND_LEG = ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist")
 # what programs for people need of a skeleton (the human bones that VRM and Unity require), and the toes, on
 # which the built-in clips roll
@@ -60,7 +66,7 @@ def preset_tables() -> dict[str, dict[str, str]]:
     """New name by SMPL's, for every preset."""
     unity, mixamo, unreal = ({joint: names[i] for joint, names in MIDDLE.items()} for i in range(3))
     for side in ("left", "right"):
-        for joint, (unity_name, mixamo_name, unreal_name) in SIDED.items():
+        for joint, (unity_name, mixamo_name, unreal_name) in (SIDED | TWISTS).items():
             unity[f"{side}_{joint}"] = side.capitalize() + unity_name
             mixamo[f"{side}_{joint}"] = side.capitalize() + mixamo_name
             unreal[f"{side}_{joint}"] = f"{unreal_name}_{side[0]}"
@@ -68,8 +74,8 @@ def preset_tables() -> dict[str, dict[str, str]]:
     for side in ("left", "right"):
         mixamo[f"{side}_foot_end"] = f"{side.capitalize()}Toe_End"
         mixamo |= {f"{side}_{f}3_end": f"{side.capitalize()}Hand{f.capitalize()}4" for f in FINGERS}
-    mixamo = {joint: f"mixamorig:{name}" for joint, name in mixamo.items()}
-    return {"smpl": {}, "mixamo": mixamo, "unity": unity, "unreal": unreal}
+    prefixed = {joint: f"mixamorig:{name}" for joint, name in mixamo.items()}
+    return {"smpl": {}, "mixamo": prefixed, "unity": unity, "unreal": unreal, "rpm": mixamo}
 
 
 NAME_PRESETS = preset_tables()
@@ -77,7 +83,8 @@ NAME_PRESETS = preset_tables()
 
 def vrm_human_bones() -> dict[str, str]:
     """VRM 1.0's human bone by SMPL's joint: Unity's in camel case, but for the links of the thumb."""
-    bones = {joint: name[0].lower() + name[1:] for joint, name in NAME_PRESETS["unity"].items()}
+    unity = NAME_PRESETS["unity"].items()
+    bones = {j: name[0].lower() + name[1:] for j, name in unity if not j.endswith("_twist")}
     for side in ("left", "right"):
         for link, word in enumerate(THUMB_LINKS_OF_VRM, start=1):
             bones[f"{side}_thumb{link}"] = f"{side}Thumb{word}"

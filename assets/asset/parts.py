@@ -35,7 +35,7 @@ FIRST, OTHER = 0.5, 0.25  # sides, in uv
 
 def join(parts: Mapping[str, Asset], report: Report | None = None) -> Asset:
     """Assets by name, on the same skeleton and with the same kinds of pictures, as one. The first one's
-    pictures have twice the side of the others'.
+    pictures have twice the side of the others', and parts that have the same picture share its square.
 
     Raises:
         InputError: there are more than fit on one picture, or their pictures have other sizes.
@@ -43,7 +43,11 @@ def join(parts: Mapping[str, Asset], report: Report | None = None) -> Asset:
     assets = list(parts.values())
     if not 0 < len(assets) <= 1 + len(QUARTERS):
         raise InputError(f"parts: found {len(assets)}, wanted 1 to {1 + len(QUARTERS)}; leave some out")
-    corners, sides = [(0.0, 0.0), *QUARTERS], [FIRST, *[OTHER] * len(QUARTERS)]
+    as_first = [np.array_equal(each.texture, assets[0].texture) for each in assets]
+    quarters = iter(QUARTERS)
+    corners = [(0.0, 0.0) if shared else next(quarters) for shared in as_first]
+    sides = [FIRST if shared else OTHER for shared in as_first]
+    drawn = [assets[0], *(each for each, shared in zip(assets, as_first, strict=True) if not shared)]
     vertices = bounds(len(each.vertices) for each in assets)
     faces = bounds(len(each.faces) for each in assets)
     first, maps = assets[0], found(each.normal_map for each in assets)
@@ -59,14 +63,16 @@ def join(parts: Mapping[str, Asset], report: Report | None = None) -> Asset:
         uv=np.concatenate(
             [(a.uv * side + c).astype(np.float32) for a, c, side in zip(assets, corners, sides, strict=False)]
         ),
-        texture=sheet([each.texture for each in assets]),
+        texture=sheet([each.texture for each in drawn]),
         normal_map=NormalMap(
-            texels=sheet([each.texels for each in maps]),
+            texels=sheet([each.normal_map.texels for each in drawn if each.normal_map is not None]),
             tangents=np.concatenate([each.tangents for each in maps]),
         )
         if maps
         else None,
-        occlusion=sheet(occlusion) if occlusion else None,
+        occlusion=sheet([each.occlusion for each in drawn if each.occlusion is not None])
+        if occlusion
+        else None,
         joints=np.concatenate([each.joints for each in assets]),
         weights=np.concatenate([each.weights for each in assets]),
         morphs=tuple(

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64
 
 from assets.asset.asset import Asset
+from assets.asset.rig import Morph
 from assets.texture.normal_map import NormalMap
 from avatargen.body.pose import axis_angle_to_matrix
 from avatargen.errors import InputError
@@ -29,8 +30,8 @@ def world_rotations(
 def posed(asset: Asset, rotations: Float[np.ndarray, "J 3"], on_ground: bool = True) -> Asset:
     """The asset in a pose given as SMPL does, against the T-pose: it then rests in that pose.
 
-    `on_ground` puts the lowest vertex at y = 0. Animations and morphs, which belong to the old rest, are left
-    out.
+    `on_ground` puts the lowest vertex at y = 0. Animations and morphs of the body, which belong to the old
+    rest, are left out; a face's shapes turn along.
 
     Raises:
         InputError: rotations of another count than the joints, or not finite.
@@ -64,8 +65,18 @@ def posed(asset: Asset, rotations: Float[np.ndarray, "J 3"], on_ground: bool = T
         normal_map=asset.normal_map and turned_map(asset.normal_map, blended),
         skeleton=replace(skeleton, T_world_joint=T_world_joint, rest_rotations=from_t),
         animations=(),
-        morphs=(),
+        morphs=tuple(turned_shape(morph, blended) for morph in asset.morphs if morph.normals is not None),
     )
+
+
+def turned_shape(shape: Morph, blended: Float64[np.ndarray, "W 3 3"]) -> Morph:
+    """A face's shape, which moves no joint, as skinning turns it."""
+    vertices, normals = (
+        np.einsum("wab,wb->wa", blended, way.astype(np.float64)).astype(np.float32)
+        for way in (shape.vertices, shape.normals)
+        if way is not None
+    )
+    return replace(shape, vertices=vertices, normals=normals)
 
 
 def turned(

@@ -1,8 +1,8 @@
 """What moves an asset: its skeleton, animations of it and morphs of its mesh.
 
-Letters: J joints, T frames of an animation, W vertices of the asset. Metres, radians, seconds; y up, facing
-+z. `T_world_joint` reads world <- joint. Quaternions are x y z w. A body's T-pose is the pose in which all
-its rotations are zero; the asset's rest pose is the one its vertices stand in.
+Letters: J joints, T frames of an animation, W vertices of the asset, M morphs of it. Metres, radians,
+seconds; y up, facing +z. `T_world_joint` reads world <- joint. Quaternions are x y z w. A body's T-pose is
+the pose in which all its rotations are zero; the asset's rest pose is the one its vertices stand in.
 """
 
 from dataclasses import dataclass, replace
@@ -25,6 +25,7 @@ class Skeleton:
     T_world_joint: Float64[np.ndarray, "J 4 4"]
     # rotation, in world axes, that took each joint from the T-pose to the rest pose; None: they are the same
     rest_rotations: Float64[np.ndarray, "J 3 3"] | None = None
+    armature: bool = False  # files of nodes have one called Armature above joints and meshes
 
     def __post_init__(self) -> None:
         if not len(self.joint_names) == len(self.parents) == len(self.T_world_joint):
@@ -59,16 +60,19 @@ class Skeleton:
 
 @dataclass(frozen=True, kw_only=True)
 class Animation:
-    """A skeleton over time: what the joint nodes of a file carry, frame by frame.
+    """A skeleton over time: what the joint nodes of a file carry, frame by frame; and the asset's morphs.
 
     Joint j stands in its parent's frame at its rest translation, turned by `rotations[:, j]` instead of by
-    its rest rotation. Joint 0, the root, stands at `root` instead.
+    its rest rotation. Joint 0, the root, stands at `root` instead; where that is a bone on the ground,
+    joint 1 below it stands at `hips`. One of a face alone stands at rest.
     """
 
     name: str
     times: Float64[np.ndarray, " T"]  # seconds from 0, increasing
     rotations: Float64[np.ndarray, "T J 4"]  # neighbours in time lie in one half of the sphere
     root: Float64[np.ndarray, "T 3"]  # world place of joint 0, metres
+    hips: Float64[np.ndarray, "T 3"] | None = None  # place of joint 1 in joint 0's frame; None: as at rest
+    weights: Float64[np.ndarray, "T M"] | None = None  # of the asset's morphs, in their order; None: all 0
 
     def __post_init__(self) -> None:
         T = len(self.times)
@@ -80,8 +84,16 @@ class Animation:
         if self.times[0] != 0 or not (np.diff(self.times) > 0).all():
             raise GeometryError(f"animation {self.name}: times must begin at 0 and increase")
         off = np.abs(np.linalg.norm(self.rotations, axis=2) - 1).max(initial=0)
-        if not off < UNIT_LIMIT or not np.isfinite(self.root).all():  # `not <` also catches NaN
+        places = self.root if self.hips is None else np.stack([self.root, self.hips])
+        if not off < UNIT_LIMIT or not np.isfinite(places).all():  # `not <` also catches NaN
             raise GeometryError(f"animation {self.name}: quaternions are off length 1 by {off:.1e}, or NaN")
+        if self.weights is not None and not (len(self.weights) == T and np.isfinite(self.weights).all()):
+            raise GeometryError(f"animation {self.name}: weights of morphs are NaN, or not one row a frame")
+
+    @property
+    def ways(self) -> dict[int, Float64[np.ndarray, "T 3"]]:
+        """Places of the joints that leave their rest translation, in their parents' frames."""
+        return {0: self.root} if self.hips is None else {0: self.root, 1: self.hips}
 
     def T_world_joint(self, skeleton: Skeleton) -> Float64[np.ndarray, "T J 4 4"]:
         """World <- joint of every frame."""
@@ -90,7 +102,8 @@ class Animation:
         local[:, :, :3, :3] = (
             Rotation.from_quat(self.rotations.reshape(-1, 4)).as_matrix().reshape(T, J, 3, 3)
         )
-        local[:, 0, :3, 3] = self.root
+        for joint, way in self.ways.items():
+            local[:, joint, :3, 3] = way
         for joint, parent in enumerate(skeleton.parents):
             if parent >= 0:
                 local[:, joint] = local[:, parent] @ local[:, joint]

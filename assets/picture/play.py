@@ -12,17 +12,20 @@ from jaxtyping import UInt8
 
 from assets.asset.asset import Asset
 from assets.asset.rig import Animation
+from assets.asset.shaped import shaped
 from assets.picture.camera import VIEWS, face_camera, figure_camera
 from assets.picture.preview import PreviewConfig, light_up, render_view
 
 
 def moments(asset: Asset, animation: Animation) -> Iterator[Asset]:
-    """The asset's mesh in each frame of the animation; its skeleton stays at rest."""
-    shares = asset.weights.astype(np.float64)
-    for T_posed_rest in animation.T_posed_rest(asset.skeleton):
+    """The asset's mesh in each frame of the animation, with morphs and joints moved; its skeleton stays."""
+    shares, names = asset.weights.astype(np.float64), [morph.name for morph in asset.morphs]
+    for frame, T_posed_rest in enumerate(animation.T_posed_rest(asset.skeleton)):
+        weights = () if animation.weights is None else animation.weights[frame].tolist()
+        still = shaped(asset, dict(zip(names, weights, strict=False)))
         blended = np.einsum("wk,wkab->wab", shares, T_posed_rest[asset.joints, :3])
-        vertices = np.einsum("wab,wb->wa", blended[:, :, :3], asset.vertices) + blended[:, :, 3]
-        normals = np.einsum("wab,wb->wa", blended[:, :, :3], asset.normals)
+        vertices = np.einsum("wab,wb->wa", blended[:, :, :3], still.vertices) + blended[:, :, 3]
+        normals = np.einsum("wab,wb->wa", blended[:, :, :3], still.normals)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
         yield replace(
             asset,

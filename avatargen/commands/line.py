@@ -23,6 +23,7 @@ from typing import Any, NoReturn, TypeVar
 
 from avatargen.commands.near import check_option_names
 from avatargen.errors import AvatarGenError, InputError
+from avatargen.motion.names import parts_of
 
 Parsed = TypeVar("Parsed")
 RETRY = 0.05  # seconds until a signal that could not end the process comes again
@@ -256,6 +257,15 @@ def quantity(unit: str, example: str) -> Callable[[str], float]:
         return value
 
     return read
+
+
+def clip_name(text: str) -> str:
+    """An argument type: a clip, or several at once."""
+    try:
+        parts_of(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return text
 
 
 def falling_numbers(text: str) -> tuple[int, ...]:

@@ -121,6 +121,11 @@ COMMANDS = (
         function="avatargen.commands.learn.likeness:main",
     ),
     Command(
+        words=("eval", "reading"),
+        summary="read off people's pictures what they wear, and compare with what their files say",
+        function="avatargen.commands.learn.reading:main",
+    ),
+    Command(
         words=("eval", "photo"),
         summary="find people again in pictures of people whose pose, shape and surface are known",
         function="avatargen.commands.learn.photo:main",

@@ -14,17 +14,18 @@ from assets.asset.asset import Asset
 from assets.asset.joints import body_on
 from assets.asset.levels import with_levels
 from assets.asset.names import rename_joints
+from assets.asset.part_names import rename_parts
+from assets.asset.root_bone import with_root
 from assets.build_config import AvatarFields, BuildConfig
 from assets.pipeline import Progress, build_content
 from avatargen.atomic import check_writable, different_targets, write_together
 from avatargen.body.pose import load_pose
 from avatargen.errors import InputError
 from avatargen.export.fitting import build_fitted
-from avatargen.export.motions import finish_motions, load_motions
+from avatargen.export.motions import Loaded, finish_motions, load_motions
 from avatargen.export.people import People, Photographed, open_people
 from avatargen.export.report import Made, make_report
 from avatargen.export.request import ExportRequest
-from avatargen.motion.motion import Motion
 from exporters import encode, files_of
 from exporters.png import encode_png
 
@@ -73,7 +74,7 @@ class Workshop:
     request: ExportRequest
     settings: BuildConfig
     people: People
-    motions: tuple[Motion, ...]  # of files
+    motions: Loaded
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +141,7 @@ def check_outputs(request: ExportRequest, path: Path) -> None:
         check_writable(output)
     targets = different_targets(outputs)
     read = (request.weights, request.body, request.pose_file, *request.motions, *request.photos)
-    for source in (*read, request.mask, request.person):
+    for source in (*read, request.mask, request.person, request.phonemes):
         if source is not None and source.resolve() in targets:
             raise InputError(f"cannot write {source}: it is read as well; give another --out or --report")
 
@@ -195,7 +196,9 @@ def make_avatar(workshop: Workshop, seed: int, watch: Stopwatch) -> Made:
     if isinstance(asset, Asset):
         with watch.stage("animate"):
             motions = finish_motions(request, workshop.motions, asset)
-            asset = rename_joints(animate(asset, motions, settings.on_ground), request.names)
+            asset = animate(asset, motions, settings.on_ground)
+            asset = rename_parts(asset) if request.part_names == "rpm" else asset
+            asset = rename_joints(with_root(asset) if request.root else asset, request.names)
     return Made(
         asset=asset,
         report=report,

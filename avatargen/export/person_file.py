@@ -16,8 +16,8 @@ import numpy as np
 import torch
 from jaxtyping import Float32, Float64
 from PIL import Image
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
+from safetensors import SafetensorError
+from safetensors.torch import load, save
 from torch import Tensor
 
 from avatargen.errors import InputError
@@ -95,33 +95,45 @@ def read_person(path: Path) -> Saved:
     Raises:
         InputError: the file is missing, damaged, or holds no person.
     """
-    tensors, metadata = read_file(path)
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"person: {path} is larger than {LARGEST >> 20} MiB, which no person's file is")
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"person: cannot read {path} ({error.strerror or error}); check the path") from error
+    return decode_person(data, str(path))
+
+
+def decode_person(data: bytes, name: str) -> Saved:
+    """The person of a file's bytes; `name` is what errors call it.
+
+    Raises:
+        InputError: they are damaged, or hold no person.
+    """
+    tensors, metadata = decode(data, name)
     if metadata.get("format") != FORMAT:
         raise InputError(
-            f"person: {path} holds {metadata.get('format')!r}, wanted {FORMAT!r}; give a file that "
+            f"person: {name} holds {metadata.get('format')!r}, wanted {FORMAT!r}; give a file that "
             "--save-person wrote"
         )
     try:
         return person_of(tensors, json.loads(metadata["person"]))
     except DAMAGES as error:
-        raise InputError(f"person: {path} is damaged ({str(error)[:120]}); save the person anew") from error
+        raise InputError(f"person: {name} is damaged ({str(error)[:120]}); save the person anew") from error
 
 
-def read_file(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """All tensors, finite, and the metadata. Raises InputError where the file is missing or damaged."""
+def decode(data: bytes, name: str) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """All tensors, finite, and the metadata. Raises InputError for what is no whole safetensors file."""
     try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"person: {path} is larger than {LARGEST >> 20} MiB, which no person's file is")
-        with safe_open(path, framework="pt") as file:
-            tensors = {name: file.get_tensor(name) for name in list(file.keys())}
-            metadata = file.metadata() or {}
-    except (SafetensorError, OSError) as error:
+        tensors = load(data)
+        metadata = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")]).get("__metadata__", {})
+    except (SafetensorError, ValueError) as error:
         raise InputError(
-            f"person: {path} is no whole safetensors file; give a file that --save-person wrote"
+            f"person: {name} is no whole safetensors file; give a file that --save-person wrote"
         ) from error
-    bad = [name for name, t in tensors.items() if t.is_floating_point() and not torch.isfinite(t).all()]
+    bad = [key for key, t in tensors.items() if t.is_floating_point() and not torch.isfinite(t).all()]
     if bad:
-        raise InputError(f"person: {bad[0]} of {path} holds NaN or infinity; save the person anew")
+        raise InputError(f"person: {bad[0]} of {name} holds NaN or infinity; save the person anew")
     return tensors, metadata
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from assets.build_config import BuildConfig
-from assets.content import CONTENTS
+from assets.content import CONTENTS, MOVING_FACE
 from avatargen.avatar import LARGEST_SEED
 from avatargen.errors import InputError
 from avatargen.export.rules import (
@@ -24,19 +24,21 @@ from avatargen.export.rules import (
     check_photos,
     check_sheet,
     check_source,
+    check_speech,
     check_text,
     check_wear,
 )
+from avatargen.motion.names import of_a_face
 from avatargen.wardrobe.choosing import Traits
 from exporters import Format, find_format
 from exporters.encoding import PLAIN, Encoding
 from exporters.export import require_encoding
 
-Clip = Literal["idle", "walk", "wave", "range"]
 Source = Literal["generator", "wardrobe"]
 Parts = Literal["merged", "separate"]
 Hidden = Literal["drop", "keep"]
-Names = Literal["smpl", "mixamo", "unity", "unreal"]
+PartNames = Literal["own", "rpm"]
+Names = Literal["smpl", "mixamo", "unity", "unreal", "rpm"]
 TextureFrom = Literal["photo", "field"]
 NO_BYTE = "changes no byte"  # a field's metadata: the reason why it is not in the fingerprint
 
@@ -71,6 +73,7 @@ class ExportRequest:
     scene: str | None = field(default=None, metadata=no_byte("what it sets is in build and format"))
     parts: Parts = "merged"  # separate: body, garments and hair are meshes of their own
     hidden: Hidden = "drop"  # what clothes hide of a separate body
+    part_names: PartNames = "own"  # rpm: as pages made for Ready Player Me's avatars look for
     pose_file: Path | None = None  # rotations that take the place of `build.pose`, .npz
     photo_pose: bool = False  # the first photograph's pose takes its place
     tolerance_mm: float | None = None  # resolution and faces that keep 99 % of the surface within it
@@ -78,8 +81,11 @@ class ExportRequest:
     levels: tuple[int, ...] = ()  # triangles of the coarser levels of detail, falling
     # what: the rig
     names: Names = "smpl"  # whose names the joints get
-    clips: tuple[Clip, ...] = ()
+    root: bool = False  # a bone on the ground carries the animations' way
+    clips: tuple[str, ...] = ()  # see avatargen.motion.names; several at once have commas between them
     motions: tuple[Path, ...] = ()  # AMASS-style files, .npz
+    say: str | None = None  # an English text that the mouth says
+    phonemes: Path | None = None  # sounds and their times that it says, .json
     fps: float = 30.0  # of the animations
     speed: float = 1.0  # of the animations: 2 plays them in half the time
     motion_up: Literal["y", "z"] | None = None  # the upward axis of the files; None: what each one tells
@@ -111,6 +117,7 @@ class ExportRequest:
             chosen=bool(self.traits.given()) or self.text is not None,
         )
         check_text(self.text, change=self.change)
+        check_speech(self.clips, self.say, self.phonemes)
         check_wear(dict(self.wear), self.source, self.wardrobe, len(self.wear))
         check_photos(
             photos=self.photos,
@@ -213,22 +220,32 @@ def check_held(request: ExportRequest, wanted: Format) -> None:
     if request.motion_up is not None and not request.motions:
         raise InputError("found --motion-up without a motion; give --motion too")
     played = request.fps != 30.0 or request.speed != 1.0 or request.mirror or request.in_place
-    if played and not (request.clips or request.motions):
+    speaks = request.say is not None or request.phonemes is not None
+    if played and not (request.clips or request.motions or speaks):
         raise InputError(
             "found --fps, --speed, --mirror or --in-place without an animation; give --clip or --motion too"
         )
-    moves = request.clips or request.motions or build.morphs or build.ends or request.names != "smpl"
+    extra = build.morphs or build.ends or build.twist or build.springs or request.root
+    moves = request.clips or request.motions or extra or request.names != "smpl"
     if build.content != "rigged" and moves:
         raise InputError(
             f"found options of the rig, but what is made holds no skeleton ({build.content}); leave out "
-            "--clip, --motion, --morphs, --ends and --names, or choose glb, vrm or usdz and a scene that "
-            "moves"
+            "--clip, --motion, --morphs, --ends, --root, --twist, --springs and --names, or choose glb, vrm "
+            "or usdz and a scene that moves"
         )
+    check_moving_face(build, of_a_face(request.clips), speaks)
     for option, size, kind in (
         ("--normal-map", build.normal_map, "normal"),
         ("--ambient-occlusion", build.ambient_occlusion, "occlusion"),
     ):
         require_map(option, size, kind in wanted.maps)
+
+
+def check_moving_face(build: BuildConfig, clips: list[str], speaks: bool) -> None:
+    """Raises InputError where a face is to move that is made without shapes."""
+    if build.face == "none" and (clips or speaks):
+        found = f"--clip {clips[0]}" if clips else "--say or --phonemes"
+        raise InputError(f"found {found} on a face that does not move; give --face {MOVING_FACE} too")
 
 
 def check_parts(request: ExportRequest, wanted: Format) -> None:
@@ -238,6 +255,10 @@ def check_parts(request: ExportRequest, wanted: Format) -> None:
             raise InputError(
                 f"found --hidden {request.hidden} without --parts separate; one mesh hides nothing, so give "
                 "both or none"
+            )
+        if request.part_names != "own":
+            raise InputError(
+                f"found --part-names {request.part_names} without --parts separate; give both or none"
             )
         return
     if request.build.content != "rigged" or not wanted.parts:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from avatargen.errors import InputError
+from avatargen.motion.names import SAID, parts_of
 
 SHEETS = (".png", ".jpg", ".jpeg")
 MOST_PHOTOS = 12
@@ -81,6 +82,19 @@ def check_text(text: str | None, *, change: bool) -> None:
         raise InputError(f"found --text {text!r}, which has no words; describe a person and their clothes")
     if text is not None and len(text) > LONGEST_TEXT:
         raise InputError(f"found a text of {len(text)} characters, wanted at most {LONGEST_TEXT}; say less")
+
+
+def check_speech(clips: Sequence[str], text: str | None, phonemes: Path | None) -> None:
+    """Raises InputError for a clip that there is not, or where it is not told what is said, or told twice."""
+    parts = [part for clip in clips for part in parts_of(clip)]
+    if text is not None and phonemes is not None:
+        raise InputError("found --say and --phonemes, of which each tells what is said; give one")
+    if SAID in parts and text is None and phonemes is None:
+        raise InputError(f"found --clip {SAID} without a word to say; give --say or --phonemes too")
+    if text is not None and (not any(map(str.isalnum, text)) or len(text) > LONGEST_TEXT):
+        raise InputError(
+            f"found a text of {len(text)} characters to say, wanted words, at most {LONGEST_TEXT} characters"
+        )
 
 
 def check_wear(wear: Mapping[str, int], source: str | None, wardrobe: Path | None, count: int) -> None:

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 import avatargen
 from assets.asset.asset import PlainAsset, TexturedAsset
 from assets.build_config import AvatarFields
-from avatargen.avatar import Avatar
+from avatargen.avatar import Avatar, Sampler
 from avatargen.body.model import CanonicalBody
 from avatargen.dressed_avatar import DressedSampler
 from avatargen.errors import InputError
@@ -123,29 +123,40 @@ def open_saved(request: ExportRequest, path: Path) -> SavedPerson:
     """
     saved = read_person(path)
     sampler = avatargen.load_generator(request.weights, body=request.body, device=request.device)
+    person = person_on(sampler, saved, str(path), pixels=request.texture_from == "photo")
+    if request.photo_pose and not isinstance(person, SavedPhotographed):
+        raise InputError(f"found --pose photo, but {path} holds no photograph's pose; leave it out")
+    return person
+
+
+def person_on(sampler: Sampler, saved: Saved, name: str, *, pixels: bool) -> SavedPerson:
+    """A saved person on the weights they were saved with; with `pixels`, a photograph's are on the texture.
+    Errors call the file `name`.
+
+    Raises:
+        InputError: they were saved with other weights or another body, wear what there is not, or the face
+            network is missing and there are pixels.
+    """
     if not isinstance(sampler, DressedSampler) or sampler.weights_hash != saved.words.weights_hash:
-        raise InputError(f"person: {path} was saved with other weights; give those, or save the person anew")
+        raise InputError(f"person: {name} was saved with other weights; give those, or save the person anew")
     if body_hash(sampler.body) != saved.words.body_hash:
-        raise InputError(f"person: {path} was saved with another body; give that, or save the person anew")
-    check_person(saved, sampler, path)
+        raise InputError(f"person: {name} was saved with another body; give that, or save the person anew")
+    check_person(saved, sampler, name)
     if not saved.words.photo:
-        if request.photo_pose:
-            raise InputError(f"found --pose photo, but {path} holds no photograph's pose; leave it out")
         return SavedPerson(sampler=sampler, saved=saved)
-    wanted = saved.looks and request.texture_from == "photo"
-    face = FileNetwork(model_path(FACE, None)) if wanted else None
+    face = FileNetwork(model_path(FACE, None)) if saved.looks and pixels else None
     return SavedPhotographed(sampler=sampler, saved=saved, face=face)
 
 
-def check_person(saved: Saved, sampler: DressedSampler, path: Path) -> None:
+def check_person(saved: Saved, sampler: DressedSampler, name: str) -> None:
     """Raises InputError where a person is or wears what the weights do not have, or has another body."""
     person, skin, items = saved.words.attributes, sampler.config.skin, sampler.items
     count, body = len(person.garments), sampler.body.source
     numbers = [*person.skin_tint, *person.hair_colour, *person.print_colour, person.skin_mix]
     numbers += [x for colour in (*person.colours, *person.shades) if colour is not None for x in colour]
     known = (
-        all(name in items for name in person.garments)
-        and all(items[name].kind == kind for name, kind in zip(person.garments, person.kinds, strict=False))
+        all(each in items for each in person.garments)
+        and all(items[each].kind == kind for each, kind in zip(person.garments, person.kinds, strict=False))
         and (person.hair is None or (person.hair in items and items[person.hair].kind == "hair"))
         and set(person.skin) <= set(skin.skins)
         and person.eyes in skin.irises
@@ -160,4 +171,4 @@ def check_person(saved: Saved, sampler: DressedSampler, path: Path) -> None:
         and all(len(look.fit.betas) <= body.shapedirs.shape[2] for look in saved.looks)
     )
     if not known:
-        raise InputError(f"person: {path} is damaged (nobody is or wears that); save the person anew")
+        raise InputError(f"person: {name} is damaged (nobody is or wears that); save the person anew")

@@ -103,7 +103,7 @@ class LayerField:
             if self.layer is not self.person.hair:
                 distance = beneath(distance, outer, at_edges(outer.rim))
             elif over.opening is not None:
-                distance = under_hat(distance, outer.distance, over.opening.above(moved))
+                distance = under_hat(distance, outer.distance, over.opening.above(moved), hit.distance)
         if self.layer is self.person.hair:
             distance = np.maximum(distance, -hit.distance - WIG)
         return distance

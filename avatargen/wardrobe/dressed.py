@@ -32,6 +32,8 @@ HEM_SHADE = 0.75  # inside a hem it is dark
 ASKED = 0.045  # m; a layer farther than this changes nothing but how far the nearest one is
 SUNK, SUNK_NEAR = 0.0045, 0.0025  # m that loose hair stays under what it lies on, and up to how far over it
 BRIM = 0.008  # m under a hat's edge that hair ends: brims hang lower in front
+PRESSED = 0.006  # m that hair stands off the head at a hat's edge
+SPREAD, FREE = 0.35, 0.05  # more for each m away from it, and m from where on it hangs free
 CORE = 0.02  # m under the skin from which the body is solid, whatever is worn: nothing falls apart there
 FAR = 1.0  # m: the distance of what was not asked
 UNSEEN = 30 * SEAM  # m under the other of two layers, from where one adds nothing to the colour
@@ -169,7 +171,8 @@ class DressedField:
             strands = hair.distance.astype(np.float64)
             for garment, cloth in zip(self.garments, laid, strict=True):
                 if garment.opening is not None:
-                    strands = under_hat(strands, cloth.distance, garment.opening.above(moved))
+                    above = garment.opening.above(moved)
+                    strands = under_hat(strands, cloth.distance, above, hit.distance)
             lay_hair(distance, colour, strands, hair.rim, hair.color, coloured)
         return distance, colour
 
@@ -214,10 +217,13 @@ def covers(cloth: Cloth) -> Bool[np.ndarray, " M"]:
 
 
 def under_hat(
-    hair: Float64[np.ndarray, " N"], hat: np.ndarray, above: np.ndarray
+    hair: Float64[np.ndarray, " N"], hat: np.ndarray, above: np.ndarray, body: np.ndarray
 ) -> Float64[np.ndarray, " N"]:
-    """Hair with a hat over it: what is `above` (m) the hat's edge, or just under it, stays inside."""
-    return np.maximum(hair, np.minimum(hat + GAP, above + BRIM))
+    """Hair with a hat over it: what is `above` (m) the hat's edge, or just under it, stays inside, and lower
+    down it spreads from what the hat presses on the `body` (m)."""
+    away = np.abs(above)
+    pressed = body - PRESSED - SPREAD * away * (1 + away / FREE)
+    return np.maximum(np.maximum(hair, pressed), np.minimum(hat + GAP, above + BRIM))
 
 
 @compiled

@@ -39,24 +39,30 @@ SPREAD, MOST = 0.6, 2.0  # standard deviation and most of a feature's share
 SPREADS = {"smile": 0.35, "brows": 0.35, "eye_size": 0.4, "chin": 0.5}  # of some
 # what people have more of than the body's template: it looks stern, and its chin recedes
 OF_ALL = {
-    "chin": 0.8,
-    "eye_size": 1.2,
-    "nose": -0.2,
-    "nose_width": -0.3,
-    "smile": 1.0,
+    "chin": 0.7,
+    "eye_size": 1.4,
+    "eye_distance": 0.3,
+    "head": -0.55,
+    "jaw": -0.25,
+    "cheek": 0.2,
+    "nose": -0.35,
+    "nose_width": -0.4,
+    "smile": 1.15,
     "brows": 0.6,
     "mouth": 0.7,
+    "lip": -0.25,
 }
 # what women have more of than that and men less
 OF_WOMEN = {
-    "jaw": -0.7,
-    "chin": -0.2,
-    "nose": -0.35,
-    "nose_width": -0.35,
-    "cheek": 0.4,
-    "lip": 0.45,
-    "eye_size": 0.4,
-    "smile": 0.1,
+    "jaw": -0.95,
+    "chin": -0.3,
+    "head": -0.25,
+    "nose": -0.5,
+    "nose_width": -0.45,
+    "cheek": 0.6,
+    "lip": 0.4,
+    "eye_size": 0.55,
+    "smile": 0.25,
     "brows": 0.2,
 }
 OTHER_NAMES = {

@@ -1,4 +1,6 @@
-"""blender_film.py FILE.glb OUT_FOLDER [--clip walk ...] [--frames 6] [--size 320] [--degrees 60]: see a clip.
+"""blender_film.py FILE.glb OUT_FOLDER [--clip walk ...] [--frames 6] [--size 320] [--degrees 60] [--face]
+
+See a clip, of the whole person or of the face alone.
 
 Renders evenly spaced moments of each animation, seen from `degrees` around the person (0: front), and joins
 them into OUT_FOLDER/film.png, a row for each clip.
@@ -22,6 +24,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=320)
     parser.add_argument("--samples", type=int, default=8)
     parser.add_argument("--degrees", type=float, default=60.0)
+    parser.add_argument("--face", action="store_true")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     imported = import_rigged(given.glb)
@@ -35,7 +38,9 @@ def main() -> None:
             vertices = deformed_vertices(imported)
             low, high = vertices.min(axis=0), vertices.max(axis=0)
             centre = np.array([(low[0] + high[0]) / 2, 0.95, (low[2] + high[2]) / 2])
-            look_at(centre, height=2.2, degrees=given.degrees)
+            if given.face:
+                centre[1] = high[1] - 0.15
+            look_at(centre, height=0.34 if given.face else 2.2, degrees=given.degrees)
             rows[-1].append(given.out / f"{clip}_{index:02d}.png")
             render(str(rows[-1][-1].resolve()))
     join(rows, given.out / "film.png")

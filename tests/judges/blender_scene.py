@@ -70,10 +70,19 @@ def pose_bones(imported: Imported, T_posed_rest: dict[str, np.ndarray]) -> None:
 
 
 def play(imported: Imported, clip: str, seconds: float) -> None:
-    """Put the scene at a moment of an imported animation."""
-    motion = imported.armature.animation_data
-    motion.action = bpy.data.actions[clip]
-    motion.action_slot = motion.action.slots[0]
+    """Put the scene at a moment of an imported animation, bones and shape keys; what it does not move is at
+    rest."""
+    action, keys = bpy.data.actions[clip], imported.mesh.data.shape_keys
+    for bone in imported.armature.pose.bones:
+        bone.matrix_basis.identity()
+    for key in keys.key_blocks if keys else ():
+        key.value = 0
+    for moved, kind in ((imported.armature, "OBJECT"), (keys, "KEY")):
+        if moved is not None and moved.animation_data is not None:
+            slot = next((slot for slot in action.slots if slot.target_id_type == kind), None)
+            moved.animation_data.action = action if slot else None
+            if slot:
+                moved.animation_data.action_slot = slot
     frame = seconds * FPS
     bpy.context.scene.frame_set(int(frame), subframe=frame - int(frame))
 

@@ -10,7 +10,14 @@ from typing import Any
 from assets.scenes import SCENES
 from avatargen.atomic import check_writable
 from avatargen.errors import InputError
-from avatargen.export.rules import check_chosen, check_one_or_many, check_sheet, check_source, check_text
+from avatargen.export.rules import (
+    check_chosen,
+    check_one_or_many,
+    check_sheet,
+    check_source,
+    check_speech,
+    check_text,
+)
 from avatargen.wardrobe.choosing import Traits, read_traits, traits_of
 
 # what `exporters` writes, which takes seconds to ask
@@ -47,6 +54,7 @@ def check_options(options: Namespace) -> None:
         weights=options.weights,
         chosen=bool(options.traits.given()) or options.text is not None,
     )
+    check_speech(options.clips or (), options.say, options.phonemes)
     options.format = output_format(options)
     sheet_inside = many and options.sheet is not None and options.sheet.parent == options.out
     files = [*(options.photos or ()), *([] if options.person is None else [options.person])]
@@ -62,7 +70,7 @@ def check_options(options: Namespace) -> None:
         if output is not None:
             check_writable(output)
     sources = (options.weights, options.body, options.mask, *(options.motions or ()), *files)
-    for source in sources:
+    for source in (*sources, options.phonemes):
         if source is not None and not source.is_file():
             raise InputError(f"found no file {source}; check the path")
     if (

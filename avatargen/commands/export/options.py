@@ -20,6 +20,7 @@ from avatargen.commands.line import (
     FEWEST_FACES,
     MOST_FACES,
     OneLineParser,
+    clip_name,
     falling_numbers,
     positive_number,
     quantity,
@@ -27,6 +28,7 @@ from avatargen.commands.line import (
 )
 from avatargen.commands.seeds import RANDOM, draw_seed
 from avatargen.errors import InputError
+from avatargen.motion.names import BODY_CLIPS, FACE_CLIPS
 
 if TYPE_CHECKING:
     from avatargen.export.request import ExportRequest
@@ -46,6 +48,7 @@ examples:
   avatar-export --seed 3 --out person.usdz
   avatar-export --seed 3 --clip walk --clip idle --names mixamo
   avatar-export --seed 3 --face shapes --format vrm
+  avatar-export --seed 3 --face shapes --say "Hello there" --clip idle,say
   avatar-export --seeds 0:1000 --jobs 4 --out crowd
   avatar-export --seeds 3,5,8,100:120 --out some --sheet some.png
   avatar-export --seed 3 --gender woman --hair long --bottom skirt --height 1.70m
@@ -231,6 +234,13 @@ def add_part_options(group: _ArgumentGroup) -> None:
         "them (default: drop)",
     )
 
+    add(
+        "--part-names",
+        choices=("own", "rpm"),
+        help="with --parts separate, what its meshes are called; rpm: Wolf3D_Head, Wolf3D_Outfit_Top and so "
+        "on, as pages made for Ready Player Me's avatars look for (default: own)",
+    )
+
 
 def add_picture_options(group: _ArgumentGroup) -> None:
     """Textures."""
@@ -275,15 +285,31 @@ def add_rig_options(group: _ArgumentGroup) -> None:
     )
     add(
         "--names",
-        choices=("smpl", "mixamo", "unity", "unreal"),
+        choices=("smpl", "mixamo", "unity", "unreal", "rpm"),
         help="whose names the joints get (default: smpl)",
     )
     add(
         "--bones",
-        choices=("along", "world"),
-        help="joints' frames: +y along each bone, as modellers draw it, or the world's axes (default: along)",
+        choices=("along", "mixamo", "world"),
+        help="joints' frames: +y along each bone, as modellers draw it; mixamo: so, and arms rolled as its "
+        "animations want; world: the world's axes (default: along)",
     )
     add("--ends", action="store_true", help="add joints where head, toes and fingers end; they move nothing")
+    add(
+        "--root",
+        action="store_true",
+        help="add a bone on the ground that carries the clips' way, and an Armature node",
+    )
+    add(
+        "--twist",
+        action="store_true",
+        help="add bones that share the roll of upper arms and hands, so that wrists keep their volume",
+    )
+    add(
+        "--springs",
+        action="store_true",
+        help="add bones along skirts, dresses and long hair, which VRM's programs let sway",
+    )
     add("--morphs", action="store_true", help="add ten body shape sliders, beta_0 to beta_9")
     add(
         "--face",
@@ -299,8 +325,21 @@ def add_animation_options(group: _ArgumentGroup) -> None:
         "--clip",
         dest="clips",
         action="append",
-        choices=("idle", "walk", "wave", "range"),
-        help="add a built-in animation; may be repeated",
+        type=clip_name,
+        metavar="CLIP[,CLIP..]",
+        help=f"add a built-in animation: {', '.join(BODY_CLIPS)}; with --face also {', '.join(FACE_CLIPS)}; "
+        "several with commas between play at once, as walk,talk; may be repeated",
+    )
+    add(
+        "--say",
+        metavar="TEXT",
+        help="with --face: add an animation `say` of a mouth that says this English text",
+    )
+    add(
+        "--phonemes",
+        type=Path,
+        metavar="FILE.json",
+        help="instead of --say: sounds with their times, as a speech program tells them",
     )
     add(
         "--motion",

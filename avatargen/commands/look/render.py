@@ -5,19 +5,22 @@ Only what bad arguments need is imported at the top.
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assets.content import MOVING_FACE
 from avatargen.atomic import check_writable
-from avatargen.commands.line import OneLineParser, run_command, whole_number
+from avatargen.commands.line import OneLineParser, clip_name, run_command, whole_number
 from avatargen.commands.progress import progress_line
 from avatargen.commands.seeds import RANDOM, draw_seed, is_seed
 from avatargen.errors import InputError
-from avatargen.export.rules import PERSON
+from avatargen.export.rules import PERSON, check_speech
 from avatargen.extras import require_extra
+from avatargen.motion.names import BODY_CLIPS, FACE_CLIPS, SAID, animation_name, of_a_face
 
 if TYPE_CHECKING:
+    from assets import BuildConfig
     from assets.asset.asset import PlainAsset
     from assets.picture.preview import PreviewConfig
 
@@ -30,6 +33,7 @@ examples:
   avatargen render 3 --pose wave --views quarter --out wave.png
   avatargen render avatar_3.glb --turntable avatar_3.gif
   avatargen render 3 --clip walk --views quarter --out walk.mp4
+  avatargen render 3 --say "Hello there" --views face --out hello.webp
   avatargen render me.safetensors --pose wave
 """
 
@@ -43,6 +47,7 @@ class Options:
     turntable: Path | None
     pose: str | None  # a name, or an .npz file
     clip: str | None
+    say: str | None
     rest: str  # pose in which a file rests
     views: str  # names with commas between them
     height: int | None  # pixels
@@ -84,7 +89,14 @@ def parse(arguments: Sequence[str] | None) -> Options:
         metavar="NAME|FILE.npz",
         help="a, t, x, stand, walk, wave, sit, fist, spread, point, or a pose file (default: as it rests)",
     )
-    add("--clip", choices=("idle", "walk", "wave", "range"), help="play a built-in clip, on the spot")
+    add(
+        "--clip",
+        type=clip_name,
+        metavar="CLIP[,CLIP..]",
+        help=f"play a built-in clip, on the spot: {', '.join((*BODY_CLIPS, *FACE_CLIPS))}; several at once "
+        "as walk,talk",
+    )
+    add("--say", metavar="TEXT", help="let the mouth say an English text, alone or as --clip idle,say")
     add("--rest", choices=RESTS, default="a", help="the pose a file rests in (default: a)")
     add("--views", default="front,back,face", metavar="LIST", help="front, quarter, left, back, right, face")
     add("--height", type=whole_number(32, 4096), metavar="N", help="pixels (default: 768; turntable: 480)")
@@ -95,7 +107,9 @@ def parse(arguments: Sequence[str] | None) -> Options:
     add("--transparent", action="store_true", help="no background; the shadow stays")
     add("--weights", type=Path, metavar="FILE", help="other weights than the shipped ones")
     add("--body", type=Path, metavar="FILE", help="another body in SMPL's format")
-    return Options(**vars(parser.parse_args(arguments)))
+    options = Options(**vars(parser.parse_args(arguments)))
+    check_speech((options.clip,) if options.clip else (), options.say, None)
+    return options if options.say is None else replace(options, clip=options.clip or SAID)
 
 
 def run(given: Options) -> None:
@@ -171,7 +185,7 @@ def outputs(given: Options, seed: int | None) -> tuple[Path | None, Path | None]
     """Where the still picture and the film go; with neither named, a still picture here."""
     if given.out is None and given.turntable is None:
         stem = Path(given.source).stem if seed is None else f"avatar_{seed}"
-        return Path(f"{stem}_{given.clip}.webp" if given.clip else f"{stem}.png"), None
+        return Path(f"{stem}_{animation_name(given.clip)}.webp" if given.clip else f"{stem}.png"), None
     return given.out, given.turntable
 
 
@@ -180,13 +194,21 @@ def load(given: Options, seed: int | None) -> "PlainAsset":
     if seed is None:
         path = Path(given.source)
         return read_kept(given, path) if path.suffix.lower() == PERSON else read_rigged(given, path)
-    from assets import BuildConfig, build
+    from assets import build
     from avatargen import load_generator
 
     if given.source == RANDOM:
         print(f"seed {seed} was drawn", file=sys.stderr)
     sampler = load_generator(given.weights, body=given.body)
-    return build(sampler.sample(seed), BuildConfig(pose=given.rest))
+    return build(sampler.sample(seed), settings(given))
+
+
+def settings(given: Options) -> "BuildConfig":
+    """What is built: a face that moves where one is to."""
+    from assets import BuildConfig
+
+    face = MOVING_FACE if of_a_face([given.clip] if given.clip else []) else "none"
+    return BuildConfig(pose=given.rest, face=face)
 
 
 def read_rigged(given: Options, path: Path) -> "PlainAsset":
@@ -198,13 +220,13 @@ def read_rigged(given: Options, path: Path) -> "PlainAsset":
 
 def read_kept(given: Options, path: Path) -> "PlainAsset":
     """The person of a file that --save-person wrote, built."""
-    from assets import BuildConfig, build
+    from assets import build
     from avatargen.export.people import Photographed
     from avatargen.export.request import ExportRequest
     from avatargen.export.saved_people import open_saved
 
     people = open_saved(ExportRequest(seeds=0, person=path, weights=given.weights, body=given.body), path)
-    asset = build(people.sample(0), BuildConfig(pose=given.rest))
+    asset = build(people.sample(0), settings(given))
     return people.painted(asset) if isinstance(people, Photographed) else asset
 
 
@@ -212,19 +234,24 @@ def play(asset: "PlainAsset", clip: str, given: Options, suffix: str, config: "P
     """The clip as a film. Its last moment is its first and is left out, so that it plays for ever.
 
     Raises:
-        InputError: there is no skeleton, or it lacks a joint that the clip moves.
+        InputError: there is no skeleton, or it lacks a joint or the face a shape that the clip moves.
     """
-    from assets.asset.animate import animation_of, figure_of
+    import numpy as np
+
+    from assets.asset.animate import animate
     from assets.asset.asset import Asset
     from assets.picture.play import pictures
-    from avatargen.motion.clips import make_clip
-    from avatargen.motion.motion import in_place
+    from avatargen.export.motions import make_clips, what_is_said
+    from avatargen.motion.motion import in_place, sampled
     from exporters.film import FILMS as ENCODERS
 
     if not isinstance(asset, Asset):
         raise InputError(f"found --clip for {given.source}, which has no skeleton; leave the clip out")
-    motion = in_place(make_clip(clip, figure_of(asset), float(given.fps)))
-    frames = pictures(asset, animation_of(asset.skeleton, motion), config)[:-1]
+    (motion,) = make_clips([clip], what_is_said(given.say, None), asset)
+    times = np.linspace(0, motion.seconds, max(2, round(motion.seconds * given.fps) + 1))
+    motion = sampled(in_place(motion), times, times)
+    (animation,) = animate(asset, [motion], on_ground=False).animations
+    frames = pictures(asset, animation, config)[:-1]
     return ENCODERS[suffix](frames, motion.seconds)
 
 

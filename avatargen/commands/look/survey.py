@@ -26,7 +26,7 @@ class Options:
     """Build many seeds and say how well each came out."""
 
     out: Path
-    """Folder for survey.json, sheet.png, faces.png and the GLB files."""
+    """Folder for survey.json, sheet.png, faces.png, the GLB files and a picture beside each."""
     first: int = 0
     """First seed."""
     count: int = 20
@@ -40,7 +40,7 @@ class Options:
     height: int = 384
     """Pixels of each picture; 0 leaves the sheets out."""
     files: bool = True
-    """Keep the GLB files."""
+    """Keep the GLB files and the pictures beside them."""
     parts: Literal["merged", "separate"] = "merged"
     """One closed surface, or as --parts separate exports: every part by itself, and how far they come through
     one another in five poses."""
@@ -80,6 +80,7 @@ def run(options: Options) -> None:
     from avatargen.export.people import open_people
     from avatargen.export.request import ExportRequest
     from avatargen.ranges import require_ranges
+    from exporters.png import encode_png
 
     require_ranges(options, "survey", {"first": (0, 2**62), "count": (1, 10**6)})
     if not (options.height == 0 or 32 <= options.height <= 4096):
@@ -105,6 +106,9 @@ def run(options: Options) -> None:
         if options.height:
             figures.append(render(asset, PreviewConfig(height=options.height, views=("front", "back"))))
             faces.append(render(asset, PreviewConfig(height=options.height, views=("face",))))
+        if options.files and options.height:
+            picture = encode_png(np.concatenate([figures[-1], faces[-1]], axis=1))
+            write_atomically(options.out / f"avatar_{seed}.png", picture)
     if rows:
         write_outcome(options.out, summed(rows), [asdict(row) for row in rows], figures, faces)
     if failed:

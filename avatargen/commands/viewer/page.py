@@ -4,6 +4,7 @@ viser calls back from threads of its own; those calls only note what is wanted, 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from threading import Event
 from typing import Any
 
@@ -14,14 +15,18 @@ from jaxtyping import Float64
 from assets.asset.asset import Asset, TexturedAsset, part_names
 from assets.asset.parts import keep
 from assets.asset.posed import posed
+from assets.asset.shaped import has_face, shaped, with_played_morphs
 from assets.picture.paint import PLAIN, joint_weights, painted
 from avatargen.body.stance import FINGER_LIMBS, LIMBS, STANCES, Limb, limb_rotations
 from avatargen.commands.viewer.camera import place, room_of
 from avatargen.commands.viewer.download import file_of, play
+from avatargen.commands.viewer.face import STILL, FaceControls
 from avatargen.commands.viewer.people import People, Person, Wish
 from avatargen.commands.viewer.photo import PhotoControls
 from avatargen.errors import AvatarGenError, InputError
+from avatargen.export.motions import what_is_said
 from avatargen.motion.clips import CLIPS
+from avatargen.motion.motion import Motion
 from exporters import FORMATS, glb
 
 LARGEST_SEED = 2**53 - 1  # whole numbers that a browser keeps exactly
@@ -37,7 +42,6 @@ GROUPS = {
     "left hand": tuple(name for name in FINGER_LIMBS if name.startswith("left")),
     "right hand": tuple(name for name in FINGER_LIMBS if name.startswith("right")),
 }
-STILL = "none"  # the clip that is not played
 WORDS_HINT = "as: an old man in a grey suit; Enter shows who fits, another person another one"
 
 
@@ -66,6 +70,7 @@ class Page:
         self.add_download_controls()
         self.add_pose_controls()
         self.add_view_controls()
+        self.face = FaceControls(tab.gui, self.pose_folder.order - 0.5, self.draw_on_change)
         tab.camera.on_update(lambda camera: self.fit())  # the page may have another size
         self.want()
 
@@ -83,6 +88,9 @@ class Page:
             self.in_parts = gui.add_checkbox(
                 "clothes come off", False, hint="body, garments and hair as meshes of their own: takes longer"
             )
+            self.moving_face = gui.add_checkbox(
+                "face that moves", False, hint="lips and lids that open, 67 shapes and speech"
+            )
             self.parts: dict[str, viser.GuiInputHandle[bool]] = {}
             self.progress = gui.add_progress_bar(0.0, visible=False)
             self.status = gui.add_markdown(f"Seed {self.seed} ...")
@@ -91,12 +99,12 @@ class Page:
         self.typed.on_update(self.take_seed)
         self.words.on_update(self.leave_photo)
         self.person_folder = folder
-        self.draw_on_change(self.words, self.truncation, self.faces, self.in_parts)
+        self.draw_on_change(self.words, self.truncation, self.faces, self.in_parts, self.moving_face)
 
     def add_pose_controls(self) -> None:
         gui = self.tab.gui
         self.angles: dict[str, viser.GuiInputHandle[float]] = {}
-        with gui.add_folder("Pose"):
+        with gui.add_folder("Pose") as self.pose_folder:
             self.clip = gui.add_dropdown(
                 "clip", (STILL, *CLIPS), initial_value=STILL, hint="played on the spot; the pose waits"
             )
@@ -198,6 +206,7 @@ class Page:
             truncation=float(self.truncation.value),
             faces=int(self.faces.value),
             parts=bool(self.in_parts.value),
+            face=bool(self.moving_face.value),
         )
 
     def step(self) -> None:
@@ -240,14 +249,11 @@ class Page:
             self.box = None
         self.wish = wish
         self.photo.show(wish.photo)
-        angles = {name: float(control.value) for name, control in self.angles.items()}
-        playing = self.clip.value != STILL
         self.offer_parts(part_names(person.asset))
         self.asset = self.worn(person.asset)
-        if playing:
-            self.shape = play(self.asset, self.clip.value, on_the_spot=True)
-        else:
-            self.shape = posed(self.asset, limb_rotations(angles, self.asset.skeleton.joint_names))
+        self.face.offer(has_face(self.asset))
+        playing = self.playing() is not None
+        self.shape = self.moment(self.asset)
         self.status.content = (self.refused and f"**{self.refused}**\n\n") + describe(wish, person)
         self.joint.visible = self.shown.value == "skin weights"
         self.scale.visible = self.shown.value == "error"
@@ -260,6 +266,34 @@ class Page:
             box = np.stack([np.minimum(box[0], self.box[0]), np.maximum(box[1], self.box[1])])
         self.box = box
         self.fit()
+
+    def moment(self, asset: Asset) -> Asset:
+        """The person as the sliders and clips have them; the body's pose waits while its clip plays.
+
+        Raises:
+            InputError: what the mouth is to say has no word.
+        """
+        clip = self.playing()
+        still = self.clip.value == STILL
+        asset = self.standing(asset) if still else shaped(asset, self.face.weights())
+        if clip is None:
+            return replace(asset, morphs=())
+        return with_played_morphs(play(asset, clip, self.said(), on_the_spot=True))
+
+    def standing(self, asset: Asset) -> Asset:
+        """The person as the sliders of pose and face have them."""
+        angles = {name: float(control.value) for name, control in self.angles.items()}
+        rotations = limb_rotations(angles, asset.skeleton.joint_names)
+        return posed(shaped(asset, self.face.weights()), rotations)
+
+    def playing(self) -> str | None:
+        """What plays at once, of the body and of the face; None where nothing does."""
+        body = [] if self.clip.value == STILL else [self.clip.value]
+        return ",".join([*body, *self.face.playing()]) or None
+
+    def said(self) -> Motion | None:
+        """What the mouth says. Raises InputError where that is no word."""
+        return what_is_said(self.face.words or None, None)
 
     def offer_parts(self, names: tuple[str, ...]) -> None:
         """A switch for each part of the person."""
@@ -283,6 +317,7 @@ class Page:
         if wish.photo is None:
             self.words.value = wish.text
         self.truncation.value, self.in_parts.value = wish.truncation, wish.parts
+        self.moving_face.value = wish.face
         self.faces.value = next(faces for faces in FACES if int(faces) == wish.faces)
         self.want()  # a photograph is no control whose change asks for it
 
@@ -312,7 +347,7 @@ class Page:
     def show_edges(self, shape: Asset) -> None:
         """The wireframe, where it is wanted."""
         scene = self.tab.scene
-        if self.wireframe.value and self.clip.value == STILL:
+        if self.wireframe.value and self.playing() is None:
             scene.add_mesh_simple("/edges", shape.vertices, shape.faces, wireframe=True, color=LINES)
         else:
             scene.remove_by_name("/edges")
@@ -340,9 +375,10 @@ class Page:
             raise InputError("there is no person to download yet; choose another seed")
         return file_of(
             self.asset,
-            self.shape if self.as_posed.value else self.asset,
+            self.standing(self.asset) if self.as_posed.value else self.asset,
             self.format.value,
-            None if self.clip.value == STILL else self.clip.value,
+            self.playing(),
+            self.said(),
         )
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Float64
 from assets import Asset, BuildConfig, build, with_levels
 from assets.asset.levels import at_level, level_error
 from assets.build_config import AvatarFields
+from assets.content import MOVING_FACE
 from assets.picture.paint import vertex_errors
 from avatargen.avatar import Sampler
 from avatargen.errors import InputError
@@ -29,10 +30,15 @@ Progress = Callable[[str, float], None]  # name of the stage that begins, share 
 
 @dataclass(frozen=True)
 class Photo:
-    """A photograph's file, held in memory alone."""
+    """A photograph's file, or that of a saved person; held in memory alone."""
 
     name: str
     data: bytes = field(repr=False)
+
+    @property
+    def saved(self) -> bool:
+        """Whether it is a saved person's."""
+        return self.name.lower().endswith(".safetensors")
 
     @cached_property
     def picture(self) -> Picture:
@@ -51,6 +57,7 @@ class Wish:
     truncation: float = 1.0
     faces: int = 20_000
     parts: bool = False  # body, garments and hair as meshes of their own
+    face: bool = False  # one that moves
 
     @property
     def who(self) -> tuple[int, str, Photo | None]:
@@ -115,7 +122,7 @@ class People:
 
         Raises:
             AvatarGenError: the field gives no whole surface, the wish is out of range, or its text says
-                nothing that can be made, or its photograph shows no whole person.
+                nothing that can be made, or its photograph shows no whole person, or its file holds none.
         """
         if wish not in self.kept:
             self.kept[wish] = self.made(wish, progress)
@@ -129,6 +136,8 @@ class People:
         if wish.photo is None:
             avatar = self.drawn(wish)
             return Person(avatar=avatar, asset=self.built(avatar, wish, progress))
+        if wish.photo.saved:
+            return self.kept_person(wish, wish.photo, progress)
         found = self.found(wish.photo, lambda stage, share: progress(stage, FINDING * share))
         asset = self.built(
             found.avatar, wish, lambda stage, share: progress(stage, FINDING + (1 - FINDING) * share)
@@ -137,6 +146,18 @@ class People:
         asset = self.finder.painted(asset, found)
         assert isinstance(asset, Asset)
         return Person(avatar=found.avatar, asset=asset, lines=tuple(found.lines()))
+
+    def kept_person(self, wish: Wish, file: Photo, progress: Progress) -> Person:
+        """The person of a file of --save-person, with the pixels that it holds."""
+        from avatargen.export.person_file import decode_person  # most people are drawn
+        from avatargen.export.saved_people import SavedPhotographed, person_on
+
+        person = person_on(self.sampler, decode_person(file.data, file.name), file.name, pixels=True)
+        avatar = person.sample(wish.seed)
+        asset = self.built(avatar, wish, progress)
+        painted = person.painted(asset) if isinstance(person, SavedPhotographed) else asset
+        assert isinstance(painted, Asset)
+        return Person(avatar=avatar, asset=painted)
 
     @cached_property
     def finder(self) -> "Finder":
@@ -166,9 +187,9 @@ class People:
         """The person's asset; in parts the whole body is kept, to be seen when clothes come off.
 
         Raises:
-            InputError: parts of a person who is one field.
+            InputError: parts of a person who is one field, or a face that moves in parts or on another body.
         """
-        settings = self.settings(wish.faces)
+        settings = replace(self.settings(wish.faces), face=MOVING_FACE if wish.face else "none")
         if not wish.parts:
             return build(avatar, settings, progress)
         from assets.separate import LayeredFields, build_parts  # most people are looked at as one mesh

@@ -1,4 +1,5 @@
-"""The photograph of a page: where it is dropped, how it is shown beside its person, and how it goes away."""
+"""The photograph or saved person of a page: where the file is dropped, how a photograph is shown beside its
+person, and how it goes away."""
 
 from collections.abc import Callable
 
@@ -9,8 +10,11 @@ from PIL import Image
 from avatargen.commands.viewer.people import Photo
 
 LARGEST = 480  # pixels of a side, of what the page shows
-HINT = "one whole person; the file stays in this machine's memory, and nothing of it is stored"
-KINDS = "image/*"
+HINT = (
+    "a photograph of one whole person, or a file of --save-person; it stays in this machine's memory, and "
+    "nothing of it is stored"
+)
+KINDS = "image/*,.safetensors"
 
 
 class PhotoControls:
@@ -20,10 +24,10 @@ class PhotoControls:
         self.gui, self.changed = gui, changed
         self.photo: Photo | None = None  # that is wanted
         self.upload = gui.add_upload_button(
-            "a photograph", icon=viser.Icon.PHOTO_UP, mime_type=KINDS, hint=HINT
+            "a photograph or saved person", icon=viser.Icon.PHOTO_UP, mime_type=KINDS, hint=HINT
         )
         self.picture = gui.add_image(np.zeros((1, 1, 3), np.uint8), format="jpeg", visible=False)
-        self.leave = gui.add_button("without the photograph", icon=viser.Icon.PHOTO_OFF, visible=False)
+        self.leave = gui.add_button("without it", icon=viser.Icon.PHOTO_OFF, visible=False)
         self.upload.on_upload(lambda event: self.take(event.target.value))
         self.leave.on_click(lambda event: self.drop())
 
@@ -39,8 +43,9 @@ class PhotoControls:
 
     def show(self, photo: Photo | None) -> None:
         """The photograph of the person who is shown, or none."""
-        self.picture.visible = self.leave.visible = photo is not None
-        if photo is not None:
+        self.leave.visible = photo is not None
+        self.picture.visible = photo is not None and not photo.saved
+        if photo is not None and not photo.saved:
             image = Image.fromarray(photo.picture.pixels)
             image.thumbnail((LARGEST, LARGEST))
             self.picture.image = np.asarray(image)

@@ -235,9 +235,9 @@ def face_lines(draw: Draw, woman: bool) -> FaceLines:
     """Women's brows are finer and higher, and their lashes longer."""
     width, arch = draw.share("brows"), draw.share("lashes")
     return FaceLines(
-        brow_width=0.15 + 0.35 * width if woman else 0.5 + 0.5 * width,
+        brow_width=0.3 + 0.4 * width if woman else 0.5 + 0.5 * width,
         brow_arch=0.5 + 0.5 * arch if woman else 0.1 + 0.5 * arch,
-        lashes=0.8 if woman else 0.2,
+        lashes=1.0 if woman else 0.2,
     )
 
 

@@ -31,6 +31,8 @@ def hair_style(share: float, tags: Mapping[str, tuple[str, ...]], woman: bool, d
     if bald or not tags:
         return None
     fitting = sorted(name for name, own in tags.items() if fits(name, own, woman, crossed, dark))
+    if woman and not crossed:  # longer styles are as likely again
+        fitting = [name for name in fitting for _ in range(1 if "Short" in tags[name] else 2)]
     fitting = fitting or sorted(tags)
     low, high = CROSS[woman] if crossed else (0.0, CROSS[woman][0])
     return fitting[min(int((share - low) / (high - low) * len(fitting)), len(fitting) - 1)]
