@@ -29,6 +29,12 @@ OPEN_LICENCES = {  # that let anyone do anything, and where they stand
 }
 SIDED = ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")
 REQUIRED_BONES = ("hips", "spine", "head", *(side + bone for side in ("left", "right") for bone in SIDED))
+GAZE = {  # degrees that an eye turns for what is aside, above or below
+    "HorizontalInner": 12.0,
+    "HorizontalOuter": 14.0,
+    "VerticalDown": 10.0,
+    "VerticalUp": 10.0,
+}
 LARGEST_TURN = 0.1  # radians a joint may be off the T-pose
 ROLLING = "VRMC_node_constraint"
 FOREARM_TWISTS = {
@@ -72,6 +78,7 @@ def encode(asset: PlainAsset, encoding: Encoding = PLAIN) -> bytes:
             "meta": meta(asset.info),
             "humanoid": {"humanBones": {bone: {"node": joint} for bone, joint in bones.items()}},
             **expressions(asset, mesh_nodes),
+            **look_at(asset, bones),
             "firstPerson": {"meshAnnotations": [{"node": node, "type": "auto"} for node in mesh_nodes]},
         }
     }
@@ -119,6 +126,19 @@ def expressions(asset: Asset, nodes: list[int]) -> dict[str, object]:
     presets = {name: expression(shapes) for name, shapes in EXPRESSIONS.items()}
     alone = {name: expression({name: 1.0}) for name in (*ARKIT, *VISEMES)}
     return {"expressions": {"preset": presets, "custom": alone}}
+
+
+def look_at(asset: Asset, bones: dict[str, int]) -> dict[str, object]:
+    """How far eyes turn that follow something; nothing of an asset whose eyes have no bones."""
+    if not {"leftEye", "rightEye", "head"} <= set(bones):
+        return {}
+    eyes, head = [bones["leftEye"], bones["rightEye"]], bones["head"]
+    turned = asset.skeleton.T_world_joint[head, :3, :3]
+    middle = asset.skeleton.joints[eyes].mean(axis=0) - asset.skeleton.joints[head]
+    maps = {
+        f"rangeMap{way}": {"inputMaxValue": 90.0, "outputScale": degrees} for way, degrees in GAZE.items()
+    }
+    return {"lookAt": {"type": "bone", "offsetFromHeadBone": (middle @ turned).tolist(), **maps}}
 
 
 def human_bones(joint_names: tuple[str, ...]) -> dict[str, int]:

@@ -6,20 +6,26 @@ import numpy as np
 import pytest
 
 from assets.asset.asset import Asset, AssetInfo
+from assets.asset.names import rename_joints
+from assets.asset.posed import posed
 from assets.asset.rig import Skeleton
 from assets.errors import GeometryError
 from assets.face.cut import CutMesh, split_edges
+from assets.face.eyes import AROUND, LATITUDES, make_eyes
 from assets.face.face import assembled, carried, with_face
+from assets.face.frame import Frame, at_rest, head_frame
+from assets.face.measure import edges_of, stretch
 from assets.face.motions import Motions
 from assets.face.names import ARKIT, EXPRESSIONS, VISEMES
 from assets.face.opened import OpenFace, open_face
-from assets.mesh.surface import Surface, directed_edges, find_defects, vertex_normals, volume
+from assets.mesh.surface import Surface, directed_edges, find_defects, vertex_normals
 from assets.skin.skin import limit_influences
 from avatargen.body.face import load_face
 from avatargen.body.load import load_body
 from avatargen.body.model import CanonicalBody, canonical_body
 from avatargen.errors import InputError
 from avatargen.shipped import shipped
+from exporters import vrm
 from tests.bodies import capsule_body
 from tests.figure import figure
 
@@ -70,6 +76,17 @@ def moving(plain: Asset, opened: OpenFace) -> Asset:
     return assembled(plain, opened)
 
 
+@pytest.fixture(scope="module")
+def frame(opened: OpenFace, plain: Asset) -> Frame:
+    return head_frame(plain, opened, at_rest(opened, opened.mesh.values[:, :3]))
+
+
+@pytest.fixture(scope="module")
+def motions(opened: OpenFace, frame: Frame) -> Motions:
+    own = frame.own(at_rest(opened, opened.mesh.values[:, :3]))
+    return Motions(opened, make_eyes(opened, own[: opened.inside.first]), own)
+
+
 def places(asset: Asset, **weights: float) -> np.ndarray:
     """Welded vertices at rest, under shapes."""
     assert asset.welded is not None
@@ -96,23 +113,32 @@ def test_it_has_every_shape_by_its_name(moving: Asset) -> None:
     assert {shape for sums in EXPRESSIONS.values() for shape in sums} <= set(names)
 
 
-def test_at_rest_the_surface_is_the_same(plain: Asset, moving: Asset, opened: OpenFace) -> None:
-    count = len(plain.vertices)
-    skin = Surface(vertices=places(moving), faces=welded_faces(moving)[: len(opened.mesh.faces)])
-    whole = Surface(vertices=plain.vertices.astype(np.float64), faces=plain.faces)
+def test_at_rest_the_skin_is_the_same_but_for_the_eyes(plain: Asset, moving: Asset, opened: OpenFace) -> None:
+    kept = opened.kept
+    taken = np.setdiff1d(np.arange(len(plain.vertices)), kept)
+    eyes = load_face().eyes
 
-    assert np.array_equal(moving.vertices[:count], plain.vertices)
-    assert np.array_equal(moving.uv[:count], plain.uv)
-    assert volume(skin) == pytest.approx(volume(whole), rel=1e-6)
+    assert np.array_equal(moving.vertices[: len(kept)], plain.vertices[kept])
+    assert np.array_equal(moving.uv[: len(kept)], plain.uv[kept])
+    assert set(taken) <= set(eyes) and len(taken) > 0.5 * len(eyes)
+    corners = opened.mesh.values[:, :3][opened.mesh.faces]
+    whole = plain.vertices[plain.faces].astype(np.float64)
+    areas = [
+        np.linalg.norm(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]), axis=1).sum() / 2
+        for c in (whole, corners)
+    ]
+    assert 2e-4 < areas[0] - areas[1] < 1e-3  # m2, of two eyes
 
 
-def test_skin_with_its_mouth_is_closed_and_so_are_teeth_and_tongue(moving: Asset) -> None:
+def test_skin_with_its_mouth_and_sockets_is_closed_and_so_are_teeth_tongue_and_eyeballs(
+    moving: Asset,
+) -> None:
     surface = Surface(vertices=places(moving), faces=welded_faces(moving))
     edges = {(int(a), int(b)) for a, b in directed_edges(surface.faces)}
 
     assert len(edges) == 3 * len(surface.faces), "an edge is there twice"
     assert all((b, a) in edges for a, b in edges), "the surface is open"
-    assert str(find_defects(surface, pieces=4)) == ""
+    assert str(find_defects(surface, pieces=6)) == ""
 
 
 def test_lips_are_closed_at_rest_and_at_m_b_and_p(moving: Asset, opened: OpenFace) -> None:
@@ -126,18 +152,76 @@ def test_lips_are_closed_at_rest_and_at_m_b_and_p(moving: Asset, opened: OpenFac
     assert 0.02 < gap.max() < 0.045
 
 
-def test_a_blink_closes_the_lids_of_the_person_s_own_eyes(moving: Asset, opened: OpenFace) -> None:
+def test_a_blink_closes_the_lids_before_the_eyeballs(moving: Asset, motions: Motions, frame: Frame) -> None:
     at = places(moving, eyeBlinkLeft=1.0, eyeBlinkRight=1.0)
-    motions = Motions(opened, opened.places)
-    for eye in (0, 1):
+    for eye, ball in enumerate(motions.eyes.balls):
         upper, lower = motions.margins(eye)
-        inner = upper[2:-2]
-        height = np.abs(at[inner, 1] - np.interp(at[inner, 0], at[lower, 0], at[lower, 1]))
-        depth = np.abs(at[inner, 2] - np.interp(at[inner, 0], at[lower, 0], at[lower, 2]))
-        assert max(height.max(), depth.max()) < 2e-4
-        ball, _ = motions.inside_eye(eye)
-        lids = np.interp(at[ball, 0], at[lower, 0], at[lower, 2])
-        assert (at[ball, 2] < lids + 1e-5).all(), "the eye stands out of its lids"
+        for k in (1, 2):
+            gap = at[upper[2:-2], k] - np.interp(at[upper[2:-2], 0], at[lower, 0], at[lower, k])
+            assert np.abs(gap).max() < 2e-4
+        sphere = motions.of_eyes(motions.eyes.spheres[eye])
+        assert np.array_equal(at[sphere], places(moving)[sphere])
+        lids = np.linalg.norm(frame.own(at[upper[2:-2]]) - ball.centre, axis=1)
+        assert lids.min() > ball.radius, "the eye stands out of its lids"
+
+
+def test_eyes_turn_behind_lids(moving: Asset, motions: Motions, frame: Frame) -> None:
+    at, rest = places(moving, eyeLookOutLeft=1.0), places(moving)
+    left, right = (motions.of_eyes(sphere) for sphere in motions.eyes.spheres)
+    pupil = left.start + AROUND * len(LATITUDES)
+
+    assert np.array_equal(at[right], rest[right])
+    assert at[pupil, 0] - rest[pupil, 0] > 0.005, "the person's left eye looks to its left"
+    reach = [np.linalg.norm(frame.own(p[left]) - motions.eyes.balls[0].centre, axis=1) for p in (at, rest)]
+    assert np.abs(reach[0] - reach[1]).max() < 1e-4
+
+
+def test_no_edge_around_the_eyes_is_torn(moving: Asset, motions: Motions) -> None:
+    """Those of mouths are measured on people: the body's own lips are sewn together with slivers."""
+    faces, rest = welded_faces(moving), places(moving)
+    skin = edges_of(faces[(faces < motions.skin).all(axis=1)])
+    shapes = [m.name for m in moving.morphs if m.name.startswith(("eye", "brow", "cheek", "nose"))]
+    pulled = {name: stretch(rest, places(moving, **{name: 1.0}), skin).p99 for name in shapes}
+    assert len(pulled) == 24
+    assert max(pulled.values()) < 2.5, pulled
+
+
+def test_bones_move_what_they_are_named_after(plain: Asset, moving: Asset, motions: Motions) -> None:
+    assert moving.skeleton.joint_names == (*plain.skeleton.joint_names, "jaw", "left_eye", "right_eye")
+    J = len(plain.skeleton.parents)
+    angles = np.zeros((J + 3, 3))
+    angles[J] = np.radians([17.5, 0, 0])
+    opened = replace(moving, vertices=posed(moving, angles, on_ground=False).vertices)
+    at, rest, wanted = places(replace(opened, morphs=())), places(moving), places(moving, jawOpen=1.0)
+    kinds = motions.kind
+    lower = np.flatnonzero(kinds == 2)
+    assert np.linalg.norm(at[lower] - wanted[lower], axis=1).max() < 0.004
+    assert np.array_equal(at[kinds == 1], rest[kinds == 1]), "upper teeth stay"
+    chin = np.flatnonzero((kinds < 0) & (np.linalg.norm(wanted - rest, axis=1) > 0.015))
+    assert np.median(np.linalg.norm(at[chin] - wanted[chin], axis=1)) < 0.004
+
+    angles[:] = 0
+    angles[J + 1] = np.radians([0, 26, 0])
+    turned = places(replace(moving, vertices=posed(moving, angles, on_ground=False).vertices, morphs=()))
+    left = motions.of_eyes(motions.eyes.spheres[0])
+    wanted = places(moving, eyeLookOutLeft=1.0)
+    assert np.linalg.norm(turned[left] - wanted[left], axis=1).max() < 1e-3
+    others = np.setdiff1d(np.arange(len(rest)), np.arange(left.start, left.stop))
+    assert np.abs(turned[others] - rest[others]).max() < 1e-6
+
+
+def test_programs_know_the_bones_by_their_names(moving: Asset) -> None:
+    names = rename_joints(moving, "mixamo").skeleton.joint_names[-3:]
+    assert names == ("mixamorig:Jaw", "mixamorig:LeftEye", "mixamorig:RightEye")
+    assert rename_joints(moving, "unity").skeleton.joint_names[-3:] == ("Jaw", "LeftEye", "RightEye")
+
+    bones = vrm.human_bones(moving.skeleton.joint_names)
+    assert [bones[name] - len(bones) for name in ("jaw", "leftEye", "rightEye")] == [-3, -2, -1]
+    found = vrm.look_at(moving, bones)["lookAt"]
+    assert isinstance(found, dict) and found["type"] == "bone"
+    offset = found["offsetFromHeadBone"]
+    assert abs(offset[0]) < 0.005 and 0.03 < offset[1] < 0.15 and 0.05 < offset[2] < 0.15
+    assert vrm.look_at(figure(), vrm.human_bones(figure().skeleton.joint_names)) == {}
 
 
 def test_left_and_right_are_mirrored(moving: Asset) -> None:

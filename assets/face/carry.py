@@ -12,7 +12,6 @@ from assets.face.curves import FRONT, Curves, nearest_segment
 from avatargen.body.face import FaceUnits
 from avatargen.mesh.closest import ClosestPoints
 
-AT_RIM = 3e-4  # m: a vertex so near to a lid's margin lies on it
 LIPS_REACH = 0.02  # m above and below the lips' line where sides are told apart
 RIMS_AHEAD = 1e-3  # m beyond the corners
 
@@ -22,6 +21,7 @@ def carriers(
     above: Bool[np.ndarray, " V"],
     upper: Int64[np.ndarray, " K"],
     lower: Int64[np.ndarray, " K"],
+    margins: tuple[Int64[np.ndarray, " _"], ...],
     units: FaceUnits,
     body: Float64[np.ndarray, "B 3"],
     faces: Int64[np.ndarray, "F 3"],
@@ -35,14 +35,11 @@ def carriers(
     middle = body[faces].mean(axis=1)
     at_lips = near_lips(middle, curves)
     over = curves.above_lips(middle) > 0
-    inside = np.min([curves.outside(points, k) for k in (0, 1)], axis=0) < 0
-    inside &= points[:, 2] > FRONT
     mouth = near_lips(points, curves)
     sets = (
-        (inside, eye[faces].any(axis=1)),
-        (mouth & above & ~inside, skin & ~(at_lips & ~over)),
-        (mouth & ~above & ~inside, skin & ~(at_lips & over)),
-        (~mouth & ~inside, skin),
+        (mouth & above, skin & ~(at_lips & ~over)),
+        (mouth & ~above, skin & ~(at_lips & over)),
+        (~mouth, skin),
     )
     rows, columns, values = [], [], []
     for which, usable in sets:
@@ -62,8 +59,10 @@ def carriers(
         on_chain(points[:, 0], rim, chain, body[chain, 0])
         for rim, chain in ((upper, units.upper_lip), (lower, units.lower_lip))
     ]
-    for loop, eye_number in zip(units.lids, (0, 1), strict=True):
-        on_rims.append(on_loop(points, np.abs(curves.outside(points, eye_number)) < AT_RIM, loop, body))
+    on_rims += [
+        on_loop(points, margin, loop, curve)
+        for margin, loop, curve in zip(margins, units.lids, curves.lids, strict=True)
+    ]
     return replaced(found, on_rims)
 
 
@@ -90,14 +89,13 @@ def on_chain(
 
 def on_loop(
     points: Float64[np.ndarray, "V 3"],
-    at_rim: Bool[np.ndarray, " V"],
+    vertex: Int64[np.ndarray, " N"],
     loop: Int64[np.ndarray, " C"],
-    body: Float64[np.ndarray, "B 3"],
+    curve: Float64[np.ndarray, "C 2"],
 ) -> Rows:
-    """Vertices on a lid's margin between the nearest two of the body's."""
-    vertex = np.flatnonzero(at_rim & (points[:, 2] > FRONT))
+    """Vertices on a lid's margin between the two of the body's whose part of the curve is nearest."""
     ends = np.roll(loop, -1)
-    side, share, _ = nearest_segment(points[vertex, :2], body[loop, :2], body[ends, :2])
+    side, share, _ = nearest_segment(points[vertex, :2], curve, np.roll(curve, -1, axis=0))
     return vertex, np.stack([loop[side], ends[side]], axis=1), np.stack([1 - share, share], axis=1)
 
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from assets.errors import GeometryError
 from assets.face.cut import CutMesh, insert, split_edges
+from assets.mesh.surface import directed_edges
 from avatargen.body.face import FaceUnits
 
 FRONT = 0.105  # m: the face's surface lies before
@@ -20,6 +21,7 @@ SNAP = 0.15  # of an edge: a vertex so near to a curve counts as on it
 FINEST = 0.0022  # m of edge at a curve
 GROWTH = 0.6  # m of edge more for a metre away from it
 ROUNDS = 6
+RIM = 0.5  # of the way from a lid to the eye: where the eye's paint begins
 NEAR = 0.010  # m from a curve up to which edges are split
 FAR = 0.03  # m from a curve, beyond which nobody asks how far it is
 CORNER = 0.06  # barycentric: a point so near to a vertex or an edge is put there
@@ -83,12 +85,34 @@ def to_polygon(
     return nearest_segment(points, loop, ends)[2], (crosses & right).sum(axis=1) % 2 == 1
 
 
-def face_curves(units: FaceUnits, body: Float64[np.ndarray, "B 3"]) -> Curves:
+def face_curves(
+    units: FaceUnits, body: Float64[np.ndarray, "B 3"], faces: Int64[np.ndarray, "F 3"]
+) -> Curves:
     """The curves on the canonical body."""
     upper, lower = body[units.upper_lip], body[units.lower_lip]
     x = np.linspace(upper[0, 0], upper[-1, 0], 41)
     middle = (np.interp(x, upper[:, 0], upper[:, 1]) + np.interp(x, lower[:, 0], lower[:, 1])) / 2
-    return Curves(lips=np.stack([x, middle], axis=1), lids=tuple(body[loop, :2] for loop in units.lids))
+    lids = tuple(rim_of_lids(loop, units.eyes, body[:, :2], faces) for loop in units.lids)
+    return Curves(lips=np.stack([x, middle], axis=1), lids=lids)
+
+
+def rim_of_lids(
+    loop: Int64[np.ndarray, " C"],
+    eyes: Int64[np.ndarray, " E"],
+    body: Float64[np.ndarray, "B 2"],
+    faces: Int64[np.ndarray, "F 3"],
+) -> Float64[np.ndarray, "C 2"]:
+    """Where skin ends and an eye begins to be painted: halfway from the lids' last vertices to the eye's
+    first ones."""
+    edges = directed_edges(faces)
+    edges = edges[np.isin(edges[:, 0], loop) & np.isin(edges[:, 1], eyes)]
+    found = np.zeros((len(loop), 2))
+    for number, vertex in enumerate(loop):
+        inner = body[edges[edges[:, 0] == vertex, 1]]
+        found[number] = body[vertex] + RIM * (inner.mean(axis=0) - body[vertex]) if len(inner) else np.nan
+    here = np.flatnonzero(~np.isnan(found[:, 0]))
+    rows = np.arange(len(loop))
+    return np.stack([np.interp(rows, here, found[here, k], period=len(loop)) for k in (0, 1)], axis=1)
 
 
 def refined(mesh: CutMesh, curves: Curves) -> CutMesh:
@@ -109,10 +133,13 @@ def refined(mesh: CutMesh, curves: Curves) -> CutMesh:
     return mesh
 
 
-def cut_lids(mesh: CutMesh, curves: Curves, eye: int) -> CutMesh:
-    """The mesh with vertices wherever an edge crosses the margin of an eye's lids."""
+def cut_lids(mesh: CutMesh, curves: Curves, eye: int) -> tuple[CutMesh, Bool[np.ndarray, " V"]]:
+    """The mesh with vertices wherever an edge crosses the margin of an eye's lids, and which vertices lie
+    within."""
     edges, points = mesh.edges(), mesh.points
     off = curves.outside(points, eye)
+    within = largest(edges, ~largest(edges, off > 0))
+    off = np.where(within, np.minimum(off, 0), np.maximum(off, 1e-9))
     ends = off[edges]
     crossing = (ends[:, 0] > 0) != (ends[:, 1] > 0)
     edges, ends = edges[crossing], ends[crossing]
@@ -124,7 +151,17 @@ def cut_lids(mesh: CutMesh, curves: Curves, eye: int) -> CutMesh:
         )
         before = (here > 0) == (ends[:, 0] > 0)
         low, high = np.where(before, share, low), np.where(before, high, share)
-    return split_edges(mesh, edges, np.clip((low + high) / 2, 0.02, 0.98))
+    split = split_edges(mesh, edges, np.clip((low + high) / 2, 0.02, 0.98))
+    return split, np.concatenate([off <= 0, np.zeros(len(edges), bool)])
+
+
+def largest(edges: Int64[np.ndarray, "E 2"], chosen: Bool[np.ndarray, " V"]) -> Bool[np.ndarray, " V"]:
+    """Of the chosen vertices those of the largest patch that edges hold together: a fold of a lid may hang
+    over the margin."""
+    inner = edges[chosen[edges].all(axis=1)]
+    graph = coo_array((np.ones(len(inner)), inner.T), shape=(len(chosen),) * 2)
+    _, label = connected_components(graph, directed=False)
+    return chosen & (label == np.bincount(label[chosen], minlength=1).argmax())
 
 
 def turn(u: Float64[np.ndarray, "N 2"], v: Float64[np.ndarray, "N 2"]) -> Float64[np.ndarray, " N"]:

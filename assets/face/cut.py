@@ -9,8 +9,9 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
+from assets.errors import GeometryError
 from assets.mesh.surface import directed_edges
 
 
@@ -115,6 +116,43 @@ def insert(mesh: CutMesh, face: int, barycentric: Float64[np.ndarray, "3"]) -> C
         places=np.concatenate([mesh.places, (barycentric @ mesh.places[rows])[None]]),
         values=np.concatenate([mesh.values, (barycentric @ mesh.values[rows])[None]]),
     )
+
+
+def without(
+    mesh: CutMesh, gone: Bool[np.ndarray, " F"]
+) -> tuple[CutMesh, Int64[np.ndarray, " _"], Int64[np.ndarray, " _"]]:
+    """The mesh without some faces and without what only these use, the vertices that are left, and the new
+    number of each welded one, -1 where it is gone."""
+    kept, faces = np.unique(mesh.faces[~gone], return_inverse=True)
+    names, welded = np.unique(mesh.welded[kept], return_inverse=True)
+    number = np.full(int(mesh.welded.max()) + 1, -1)
+    number[names] = np.arange(len(names))
+    left = CutMesh(
+        faces=faces.reshape(-1, 3),
+        welded=welded.reshape(-1),
+        places=mesh.places[kept],
+        values=mesh.values[kept],
+    )
+    return left, kept, number
+
+
+def border(faces: Int64[np.ndarray, "F 3"], near: Int64[np.ndarray, " N"]) -> Int64[np.ndarray, " K"]:
+    """The one loop of open edges among some vertices, in the faces' direction.
+
+    Raises:
+        GeometryError: there is none, or another number of them.
+    """
+    around = faces[np.isin(faces, near).any(axis=1)]
+    edges = directed_edges(around)
+    both = set(map(tuple, edges.tolist()))
+    open_ones = edges[np.isin(edges, near).all(axis=1)].tolist()
+    following = {a: b for a, b in open_ones if (b, a) not in both}
+    loop = [min(following, default=-1)]
+    while loop[-1] in following and len(loop) <= len(following):
+        loop.append(following[loop[-1]])
+    if len(loop) != len(following) + 1 or loop[-1] != loop[0] or len(loop) < 9:
+        raise GeometryError("face: the lids' margin breaks off on this surface; leave the face as it is")
+    return np.array(loop[:-1])
 
 
 def double(mesh: CutMesh, chain: Int64[np.ndarray, " N"]) -> tuple[CutMesh, Int64[np.ndarray, " N"]]:

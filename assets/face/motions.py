@@ -8,43 +8,42 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
+from scipy.spatial.transform import Rotation
 
 from assets.face.curves import FRONT
+from assets.face.eyes import Eyes
+from assets.face.falloff import bell, smooth
 from assets.face.names import JAW_OPEN
 from assets.face.opened import OpenFace
+from assets.face.soften import towards_neighbours
 
 JAW = 0.035  # m that the chin goes when the mouth opens
 CHEEK, CHEEKBONE = np.array([0.043, 0.655]), np.array([0.036, 0.69])
-GAZE = np.array([0.0036, 0.0024])  # m that an iris goes to the side, and up or down
-BEHIND_LIDS = 0.003  # m that an eye draws back behind closed lids
-LID = 0.004  # m of lid that goes with its margin
-UPPER_SHARE = 0.2  # of the way between the lids' margins at which they meet, from below
-
-KNOTS = 9  # of the line along which the lids meet: fewer than vertices, so that both follow it closely
-
-
-def smooth(x: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Smoothstep from 0 at low to 1 at high."""
-    t = np.clip((x - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def bell(distance: np.ndarray, width: float) -> np.ndarray:
-    """1 at no distance, 1/e at the width, soon nothing."""
-    return np.exp(-((distance / width) ** 2))
+GAZE = np.radians([26.0, 20.0])  # that an eye turns to the side, and up or down
+CLEAR = 5e-4  # m that lids keep before an eyeball
+NEAR_EYE = 0.012  # m around a margin that may run into the ball
+LID = 0.012  # m of lid that goes with its margin
+MEET = 0.2  # of the way between the lids' margins at which they meet, from below; half way at the corners
+SOFTENED = 12  # rounds of smoothing a motion of lips or lids
+AROUND_LIPS = 0.02  # m where it is smoothed
+KNOTS, BENDS = 17, 4  # of the line along which the lids meet, and its degree: no lid is smooth at rest
 
 
 class Motions:
     """Every unit and every made motion of one face by its name."""
 
-    def __init__(self, face: OpenFace, own: Float64[np.ndarray, "V 3"]) -> None:
-        """`own` are the places of the person's own face, as large and upright as the canonical one."""
-        self.face, self.at, self.own = face, face.places, own
+    def __init__(self, face: OpenFace, eyes: Eyes, own: Float64[np.ndarray, "K 3"]) -> None:
+        """`own` are the places of the person's own face but for the eyes', as large and upright as the
+        canonical one."""
+        self.face, self.eyes = face, eyes
+        self.at = np.concatenate([face.places, eyes.canonical(face)])
+        self.own = np.concatenate([own, eyes.places])
         self.skin = len(face.mesh.points)
         kinds = np.concatenate(
             [np.zeros(len(face.inside.source) - len(face.units.inner), int), face.units.kinds]
         )
-        self.kind = np.concatenate([np.full(self.skin, -1), kinds])  # -1 skin, then as in the units
+        # -1 skin, then as in the units, then as the eyes'
+        self.kind = np.concatenate([np.full(self.skin, -1), kinds, eyes.kinds])
         self.front = smooth(self.at[:, 2], FRONT - 0.02, FRONT + 0.01) * (self.kind < 0)
         self.over = face.curves.above_lips(self.at)
         self.lips = np.hypot(
@@ -61,7 +60,7 @@ class Motions:
             "puff": self.puff,
             "tongue-out": lambda: self.tongue(0.06, 0.115)[:, None] * [0, -0.003, 0.036],
             "tongue-up": lambda: self.tongue(0.085, 0.125)[:, None] * [0, 0.007, 0],
-            "press": lambda: self.meeting(0.45 * face.unit("mouth-compression")),
+            "press": lambda: self.meeting(0.45 * self.unit("mouth-compression")),
             "close": self.close,
         }
         for eye, side in enumerate(("left", "right")):
@@ -75,15 +74,19 @@ class Motions:
                 self.made[f"look-{side}-{name}"] = lambda eye=eye, way=way: self.look(
                     eye, np.array(way, np.float64)
                 )
-            self.made[f"blink-{side}"] = lambda eye=eye, side=side: self.blink(eye, side)
+            self.made[f"blink-{side}"] = lambda eye=eye: self.blink(eye)
 
     def named(self, name: str) -> Float64[np.ndarray, "V 3"]:
         """A unit's or a made motion's displacements, canonical."""
-        return self.made[name]() if name in self.made else self.face.unit(name)
+        return self.made[name]() if name in self.made else self.unit(name)
+
+    def unit(self, name: str) -> Float64[np.ndarray, "V 3"]:
+        """A unit's displacements, which move no eye."""
+        return np.concatenate([self.face.unit(name), np.zeros((len(self.eyes.places), 3))])
 
     def jaw(self) -> Float64[np.ndarray, " V"]:
         """How much of the jaw's motion a vertex has."""
-        return np.clip(np.linalg.norm(self.face.unit("mouth-open"), axis=1) / JAW, 0, 1)
+        return np.clip(np.linalg.norm(self.unit("mouth-open"), axis=1) / JAW, 0, 1)
 
     def near_lips(self, width: float, over: float = 0.0) -> Float64[np.ndarray, " V"]:
         across = np.maximum(np.abs(self.at[:, 0]) - 0.015, 0)
@@ -120,68 +123,102 @@ class Motions:
         found = moved + (share * fade)[:, None] * at
         middle = 0.65 * moved[face.upper] + 0.35 * moved[face.lower]
         found[face.upper] = found[face.lower] = middle
+        near = (self.lips[: self.skin] < AROUND_LIPS) & (self.at[: self.skin, 2] > FRONT)
+        found[: self.skin] = self.softened(found[: self.skin], near, np.append(face.upper, face.lower))
         return found
+
+    def softened(
+        self,
+        moved: Float64[np.ndarray, "S C"],
+        near: Bool[np.ndarray, " S"],
+        fixed: Int64[np.ndarray, " N"],
+    ) -> Float64[np.ndarray, "S C"]:
+        """What the skin's vertices move by, made smooth somewhere but for some of them."""
+        share = near.astype(np.float64)
+        share[fixed] = 0
+        step = towards_neighbours(self.face.mesh, share)
+        for _ in range(SOFTENED):
+            moved = step @ moved
+        return moved
 
     def close(self) -> Float64[np.ndarray, "V 3"]:
         """What makes the lips of an open jaw meet."""
-        opened = JAW_OPEN * self.face.unit("mouth-open")
+        opened = JAW_OPEN * self.unit("mouth-open")
         return self.meeting(opened) - opened
 
     def upper_side(self) -> Bool[np.ndarray, " V"]:
         return np.concatenate([self.face.above, self.over[self.skin :] > 0])
 
-    def inside_eye(self, eye: int) -> tuple[Int64[np.ndarray, " N"], Float64[np.ndarray, " N"]]:
-        """Vertices of the skin on an eye, its margin left out, and how far within each lies."""
-        off = self.face.curves.outside(self.at[: self.skin], eye)
-        vertex = np.flatnonzero((off < -3e-4) & (self.at[: self.skin, 2] > FRONT))
-        return vertex, -off[vertex]
-
     def look(self, eye: int, way: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "V 3"]:
-        """An eye's picture slid over its ball: the most in the middle, nothing at the lids."""
-        vertex, within = self.inside_eye(eye)
-        centre, radius = self.face.units.balls[eye, :3], self.face.units.balls[eye, 3]
-        step = smooth(within, 0.0, 0.003)[:, None] * (GAZE * way)
-        off = self.at[vertex, :2] - centre[:2]
-        depth = [np.sqrt(np.maximum(radius**2 - (o**2).sum(axis=1), 1e-5)) for o in (off, off + step)]
+        """An eyeball turned about its middle."""
+        sphere, turn = self.of_eyes(self.eyes.spheres[eye]), GAZE * way
+        off = self.own[sphere] - self.eyes.balls[eye].centre
         moved = np.zeros_like(self.at)
-        moved[vertex, :2], moved[vertex, 2] = step, depth[1] - depth[0]
+        moved[sphere] = Rotation.from_rotvec([-turn[1], turn[0], 0]).apply(off) - off
         return moved
 
+    def of_eyes(self, part: slice) -> slice:
+        """A part of the eyes' own vertices among all."""
+        return slice(self.eyes.first + part.start, self.eyes.first + part.stop)
+
     def margins(self, eye: int) -> tuple[Int64[np.ndarray, " U"], Int64[np.ndarray, " L"]]:
-        """The skin's vertices on the margin of the upper and of the lower lid, by x."""
-        skin = self.at[: self.skin]
-        rim = np.flatnonzero((np.abs(self.face.curves.outside(skin, eye)) < 3e-4) & (skin[:, 2] > FRONT))
+        """The vertices on the margin of the upper and of the lower lid, by x; corners are the upper one's."""
+        rim, skin = self.eyes.margins[eye], self.at
         loop = self.face.curves.lids[eye]
         ends = loop[[loop[:, 0].argmin(), loop[:, 0].argmax()]]
         over = skin[rim, 1] > np.interp(skin[rim, 0], ends[:, 0], ends[:, 1])
         upper, lower = rim[over], rim[~over]
         return upper[np.argsort(skin[upper, 0])], lower[np.argsort(skin[lower, 0])]
 
-    def blink(self, eye: int, side: str) -> Float64[np.ndarray, "V 3"]:
-        """The unit that closes the lids, so that their margins meet and the eye lies behind them."""
-        moved, at, own = self.face.unit(f"eye-{side}-closure"), self.at, self.own
+    def blink(self, eye: int) -> Float64[np.ndarray, "V 3"]:
+        """Both lids drawn over the eye until their margins meet, the corners where they are."""
+        at, own = self.at[: self.skin], self.own[: self.skin]
         upper, lower = self.margins(eye)
 
         def along(rim: Int64[np.ndarray, " N"], values: np.ndarray, x: np.ndarray) -> np.ndarray:
-            return np.stack([np.interp(x, at[rim, 0], values[rim, k]) for k in range(3)], axis=1)
+            return np.stack(
+                [np.interp(x, at[rim, 0], values[rim, k]) for k in range(values.shape[1])], axis=1
+            )
 
-        x = at[:, 0]
-        knots = np.linspace(at[lower[0], 0], at[lower[-1], 0], KNOTS)
-        line = UPPER_SHARE * along(upper, own, knots) + (1 - UPPER_SHARE) * along(lower, own, knots)
-        meet = np.stack([np.interp(x, knots, line[:, k]) for k in range(3)], axis=1)
+        ends = max(at[rim[0], 0] for rim in (upper, lower)), min(at[rim[-1], 0] for rim in (upper, lower))
+        knots, way = np.linspace(*ends, KNOTS), np.linspace(-1, 1, KNOTS)
+        share = (MEET + (0.5 - MEET) * way**4)[:, None]
+        line = share * along(upper, own, knots) + (1 - share) * along(lower, own, knots)
+        for k in (1, 2):
+            line[:, k] = np.polyval(np.polyfit(way, line[:, k], BENDS), way)
+        line[:, 2] = np.maximum(line[:, 2], self.before(eye, line))
+        meet = np.stack([np.interp(at[:, 0], knots, line[:, k]) for k in (1, 2)], axis=1)
+        goal = meet - own[:, 1:]
+        fade = 1 - smooth(self.face.curves.outside(at, eye), 0.0, LID)
+        over = own[:, 1] > meet[:, 0]
+        rims = [along(rim, goal, at[:, 0]) for rim in (upper, lower)]
+        moved = fade[:, None] * np.where(over[:, None], *rims)
         rim = np.concatenate([upper, lower])
-        centre, radius = self.face.units.balls[eye, :3], self.face.units.balls[eye, 3]
-        centre = centre + (own[rim] - at[rim]).mean(axis=0)
-        ball = centre[2] + np.sqrt(np.maximum(radius**2 - ((meet[:, :2] - centre[:2]) ** 2).sum(axis=1), 0))
-        meet[:, 2] = np.maximum(meet[:, 2], np.minimum(ball, meet[:, 2] + 0.004))
-        goal = meet - own
-        off = self.face.curves.outside(at[: self.skin], eye)
-        over = own[: self.skin, 1] > meet[: self.skin, 1]
-        rims = [along(rim, goal - moved, x)[: self.skin] for rim in (upper, lower)]
-        near = (bell(np.maximum(off, 0), LID) * (at[: self.skin, 2] > FRONT))[:, None]
+        moved[rim] = goal[rim]
+        found = np.zeros_like(self.at)  # beyond the corners goals are others
+        found[: self.skin, 1:] = self.softened(moved, np.asarray(fade > 0), rim)
+        return found
+
+    def before(self, eye: int, places: Float64[np.ndarray, "N 3"]) -> Float64[np.ndarray, " N"]:
+        """How far forward, z, an eyeball lets lids be at places seen from the front."""
+        ball = self.eyes.balls[eye]
+        off = places[:, :2] - ball.centre[:2]
+        away = np.minimum(np.linalg.norm(off, axis=1), ball.radius)
+        bulge = ball.surface(np.column_stack([off, np.sqrt(ball.radius**2 - away**2)])) + CLEAR
+        return ball.centre[2] + np.sqrt(np.maximum(bulge**2 - (off**2).sum(axis=1), 0))
+
+    def settled(self, moved: Float64[np.ndarray, "V 3"]) -> Float64[np.ndarray, "V 3"]:
+        """A shape whose lids slide over the eyeballs, and whose sockets end where lids do."""
         found = moved.copy()
-        found[: self.skin] += near * np.where(over[:, None], rims[0], rims[1])
-        found[rim] = goal[rim]
-        inside, within = self.inside_eye(eye)
-        found[inside] = goal[inside] - smooth(within, 0.0, 0.002)[:, None] * [0, 0, BEHIND_LIDS]
+        for eye, ball in enumerate(self.eyes.balls):
+            near = self.face.curves.outside(self.at[: self.skin], eye) < NEAR_EYE
+            vertex = np.flatnonzero(near & moved[: self.skin].any(axis=1))
+            before, after = (at[vertex] - ball.centre for at in (self.own, self.own + moved))
+            reach = [np.linalg.norm(off, axis=1) for off in (before, after)]
+            least = np.minimum(ball.surface(after) + CLEAR, np.maximum(reach[0], reach[1]))
+            push = np.maximum(least - reach[1], 0) / np.maximum(reach[1], 1e-9)
+            found[vertex] += push[:, None] * after
+            margin, ring = self.eyes.margins[eye], self.of_eyes(self.eyes.rings[eye])
+            found[ring] = ball.behind((self.own + found)[margin]) - self.own[ring]
+            found[ring] *= np.any(found[margin], axis=1, keepdims=True)
         return found

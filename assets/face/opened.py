@@ -8,20 +8,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from assets.errors import GeometryError
 from assets.face.carry import carriers, near_lips
-from assets.face.curves import FRONT, Curves, cut_lids, cut_lips, face_curves, refined
-from assets.face.cut import CutMesh, double
+from assets.face.curves import Curves, cut_lids, cut_lips, face_curves, refined
+from assets.face.cut import CutMesh, border, double, without
 from assets.face.mouth import Inside, mouth_inside
+from assets.face.soften import eased, edge_matrix, smoothed
 from avatargen.body.face import FaceUnits
 from avatargen.body.model import CanonicalBody
 
+UV = slice(6, 8)  # columns of a vertex's values
 STANDS_OFF = 0.006  # m from the body that a face's skin may lie: beyond it is hair or a mask
-ROUNDS = 8  # of smoothing what is carried
-SMOOTHED = 0.02  # m from the curves
+
+
+@dataclass(frozen=True, kw_only=True)
+class EyeFaces:
+    """The left eye as it was on the skin: corners of its faces, canonical and in the texture."""
+
+    places: Float64[np.ndarray, "F 3 3"]
+    uv: Float64[np.ndarray, "F 3 2"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +37,9 @@ class OpenFace:
     """The mesh and what its shapes are made of."""
 
     mesh: CutMesh
+    kept: Int64[np.ndarray, " _"]  # of the vertices before, those that are left, first of the mesh's
+    margins: tuple[Int64[np.ndarray, " _"], Int64[np.ndarray, " _"]]  # of the lids, left eye first
+    shown: EyeFaces
     inside: Inside
     upper: Int64[np.ndarray, " K"]  # the lips' rims, welded, from the right corner to the left
     lower: Int64[np.ndarray, " K"]
@@ -60,23 +71,25 @@ def open_face(mesh: CutMesh, body: CanonicalBody, units: FaceUnits) -> OpenFace:
         GeometryError: something else than skin lies over them, or the lips' line breaks off.
     """
     at = body.vertices.astype(np.float64)
-    curves = face_curves(units, at)
+    curves = face_curves(units, at, body.faces)
     require_skin(mesh.points, body, curves)
-    mesh = refined(mesh, curves)
-    for eye in (0, 1):
-        mesh = cut_lids(mesh, curves, eye)
+    count = len(mesh.welded)
+    mesh, kept, margins, shown = hollowed(refined(mesh, curves), curves)
     mesh, upper = cut_lips(mesh, curves)
     mesh, lower = double(mesh, upper)
     above = upper_side(mesh, upper, lower, curves)
-    carry = carriers(mesh.points, above, upper, lower, units, at, body.faces, curves)
-    fixed = np.concatenate([upper, lower, np.flatnonzero(within_lids(mesh.points, curves))])
+    carry = carriers(mesh.points, above, upper, lower, margins, units, at, body.faces, curves)
+    fixed = np.concatenate([upper, lower, *margins])
     return OpenFace(
         mesh=mesh,
+        kept=kept[kept < count],
+        margins=margins,
+        shown=shown,
         inside=mouth_inside(mesh, upper, lower, units, at),
         upper=upper,
         lower=lower,
         above=above,
-        carry=smoothed(mesh, carry, curves, fixed),
+        carry=eased(mesh, smoothed(mesh, carry, curves, fixed), upper[[0, -1]]),
         curves=curves,
         units=units,
     )
@@ -94,18 +107,25 @@ def require_skin(points: Float64[np.ndarray, "S 3"], body: CanonicalBody, curves
         )
 
 
-def within_lids(points: Float64[np.ndarray, "S 3"], curves: Curves) -> Bool[np.ndarray, " S"]:
-    """On an eye, or on the margin of its lids."""
-    off = np.min([curves.outside(points, eye) for eye in (0, 1)], axis=0)
-    return (off < 3e-4) & (points[:, 2] > FRONT)
-
-
-def edge_matrix(mesh: CutMesh) -> csr_array:
-    """One over the length of each edge, both ways."""
-    edges, points = mesh.edges(), mesh.points
-    value = 1 / np.maximum(np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1), 1e-5)
-    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
-    return csr_array(coo_array((np.concatenate([value, value]), (rows, columns)), shape=(len(points),) * 2))
+def hollowed(
+    mesh: CutMesh, curves: Curves
+) -> tuple[
+    CutMesh, Int64[np.ndarray, " _"], tuple[Int64[np.ndarray, " _"], Int64[np.ndarray, " _"]], EyeFaces
+]:
+    """The mesh without what lies within the lids, the vertices that are left of it, the margins of the lids,
+    and what was taken away."""
+    mesh, left = cut_lids(mesh, curves, 0)
+    mesh, right = cut_lids(mesh, curves, 1)
+    left = np.concatenate([left, np.zeros(len(right) - len(left), bool)])
+    faces = mesh.welded_faces
+    of_eye = [np.asarray(within[faces].any(axis=1)) for within in (left, right)]
+    near = [np.unique(faces[each]) for each in of_eye]
+    rows = mesh.faces[of_eye[0]]
+    shown = EyeFaces(places=mesh.places[rows], uv=mesh.values[rows][:, :, UV])
+    found, kept, number = without(mesh, np.logical_or(*of_eye))
+    after = found.welded_faces
+    loops = [border(after, number[each][number[each] >= 0]) for each in near]
+    return found, kept, (loops[0], loops[1]), shown
 
 
 def upper_side(
@@ -126,15 +146,3 @@ def upper_side(
     told = np.isfinite(way[0]) | np.isfinite(way[1])
     above[near[told]] = (way[0] < way[1])[told]
     return above
-
-
-def smoothed(mesh: CutMesh, carry: csr_array, curves: Curves, fixed: Int64[np.ndarray, " N"]) -> csr_array:
-    """What is carried near the curves as the mean of neighbours'; of fixed vertices as it is."""
-    share = (curves.distance(mesh.points) < SMOOTHED).astype(np.float64)
-    share[fixed] = 0
-    graph = edge_matrix(mesh)
-    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1e-12)) @ graph
-    step = diags_array(1 - share / 2) + diags_array(share / 2) @ mean
-    for _ in range(ROUNDS):
-        carry = csr_array(step @ carry)
-    return carry

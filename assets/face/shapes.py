@@ -9,24 +9,22 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float64
 
-from assets.face.motions import Motions, smooth
+from assets.face.falloff import smooth
+from assets.face.motions import Motions
 from assets.face.names import ARKIT, VISEMES, Recipe
-from assets.face.opened import OpenFace
 
 MIDDLE = 0.010  # m on either side of the nose within which left and right are mixed
 CORNERS = 0.006  # m before the lips' corners within which upper and lower are mixed
 
 
 def face_shapes(
-    face: OpenFace, own: Float64[np.ndarray, "V 3"]
+    motions: Motions,
 ) -> Iterator[tuple[str, Float64[np.ndarray, "V 3"]]]:
-    """ARKit's 52 shapes and the 15 visemes, by name; `own` are the places of the person's own face, as large
-    and upright as the canonical one."""
-    motions = Motions(face, own)
+    """ARKit's 52 shapes and the 15 visemes, by name."""
     sides = side_shares(motions)
     known: dict[str, Float64[np.ndarray, "V 3"]] = {}
     for name, recipe in (ARKIT | VISEMES).items():
-        yield name, mixed(motions, sides, recipe, known)
+        yield name, motions.settled(mixed(motions, sides, recipe, known))
 
 
 def mixed(

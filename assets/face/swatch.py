@@ -1,5 +1,5 @@
-"""Where the inside of a mouth has its colours: a small square of the texture that no chart uses, a row of it
-for each kind of thing, darker towards the throat.
+"""Where the inside of a mouth and of lids has its colours: a small square of the texture that no chart uses,
+a row of it for each kind of thing, darker towards the throat; and another square for an eye.
 
 Letters: S texels along a side, I vertices of the mouth's own.
 """
@@ -7,17 +7,19 @@ Letters: S texels along a side, I vertices of the mouth's own.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int64, Shaped, UInt8
+from jaxtyping import Bool, Float64, Int64, Shaped, UInt8
 from scipy.ndimage import distance_transform_edt
 
 from assets.asset.asset import Asset
 from assets.errors import GeometryError
 from assets.texture.raster import rasterise
 
-COLOURS = np.array([(124, 54, 54), (208, 198, 180), (204, 194, 176), (156, 70, 72)])  # sRGB, as the kinds are
+MOUTH = np.array([(124, 54, 54), (208, 198, 180), (204, 194, 176), (156, 70, 72)])  # sRGB, as the kinds are
+KINDS = len(MOUTH) + 1  # the last one the rims of the lids and what is behind them
 DARKEST = 0.15  # of a colour's value at the back of the mouth
 BACK, FRONT = 0.108, 0.138  # m: depths, canonical
 LEAST, MOST = 3, 24  # texels on either side of the square's middle
+MOST_OF_EYE = 64
 GUTTER = 2  # texels around it that charts' filtering may read
 
 
@@ -34,6 +36,18 @@ class Swatch:
         many = max(round(self.side * size), 1)
         return slice(first[1], first[1] + many), slice(first[0], first[0] + many)
 
+    def texels(self, size: int) -> int:
+        """Along a side, in such a picture."""
+        return self.rows(size)[0].stop - self.rows(size)[0].start
+
+    def shown(
+        self, picture: UInt8[np.ndarray, "S S 3"], part: UInt8[np.ndarray, "K K 3"]
+    ) -> UInt8[np.ndarray, "S S 3"]:
+        """The picture with another one in the square."""
+        found = picture.copy()
+        found[self.rows(len(picture))] = part
+        return found
+
     def uv(
         self, kinds: Int64[np.ndarray, " I"], places: Float64[np.ndarray, "I 3"]
     ) -> Float64[np.ndarray, "I 2"]:
@@ -42,7 +56,7 @@ class Swatch:
         across = 0.08 + 0.84 * depth
         # a little up and down, so that no face is without area in the texture
         sway = 0.05 * np.clip(places[:, 1] - places[:, 1].mean(), -0.02, 0.02) / 0.02
-        down = (kinds + 0.5) / len(COLOURS) + sway + 0.02 * np.clip(places[:, 0] / 0.04, -1, 1)
+        down = (kinds + 0.5) / KINDS + sway + 0.02 * np.clip(places[:, 0] / 0.04, -1, 1)
         return np.array(self.corner) + self.side * np.stack([across, down], axis=1)
 
     def painted(
@@ -59,8 +73,8 @@ class Swatch:
         return found
 
 
-def free_square(asset: Asset) -> Swatch:
-    """The largest square that charts leave free, up to a limit.
+def free_squares(asset: Asset) -> tuple[Swatch, Swatch]:
+    """The two largest squares that charts leave free, up to a limit: for an eye and for the mouth.
 
     Raises:
         GeometryError: there is none.
@@ -69,10 +83,18 @@ def free_square(asset: Asset) -> Swatch:
     covered = np.zeros(size * size, dtype=bool)
     for fragments in rasterise(asset.uv[asset.faces].astype(np.float64) * size, size, size):
         covered[fragments.pixel] = True
-    free = np.pad(~covered.reshape(size, size), 1)
-    distance = np.asarray(distance_transform_edt(free))[1:-1, 1:-1]
+    free = ~covered.reshape(size, size)
+    eye = largest_square(free, MOST_OF_EYE)
+    free[eye.rows(size)] = False
+    return eye, largest_square(free, MOST)
+
+
+def largest_square(free: Bool[np.ndarray, "S S"], most: int) -> Swatch:
+    """The largest square of free texels."""
+    size = len(free)
+    distance = np.asarray(distance_transform_edt(np.pad(free, 1)))[1:-1, 1:-1]
     at = np.unravel_index(int(distance.argmax()), distance.shape)
-    half = int(min((distance[at] - GUTTER) / np.sqrt(2), MOST))
+    half = int(min((distance[at] - GUTTER) / np.sqrt(2), most))
     if half < LEAST:
-        raise GeometryError("face: the texture has no room for the inside of a mouth; ask for a larger one")
+        raise GeometryError("face: the texture has no room for eyes and a mouth; ask for a larger one")
     return Swatch(corner=((at[1] - half + 1) / size, (at[0] - half + 1) / size), side=(2 * half - 1) / size)

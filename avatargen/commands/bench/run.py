@@ -74,6 +74,9 @@ class Options:
     """Build avatar-export's scenes instead, on the first seed; write scenes.md and scenes.json."""
     charts: bool = False
     """Cut charts alone, along the seams of clothes and by xatlas; write charts.md and charts.json."""
+    face: bool = False
+    """Measure how faces bear their shapes instead, and draw those of the first seed; write face.md, face.json
+    and face.png. A quick run takes one person, small."""
     training: bool = False
     """Step adversarial training instead, on a GPU where there is one; write training.md and training.json. A
     quick run leaves out other batches, rays, samples and precisions than the presets'. Without a GPU
@@ -121,6 +124,11 @@ def run(options: Options) -> None:
         return
     if options.charts:
         run_charts(options)
+        return
+    if options.face:
+        from avatargen.commands.bench.faces import run_faces
+
+        run_faces(options.out, options.weights, options.seeds, options.quick)
         return
     if options.training:
         run_training(options)
