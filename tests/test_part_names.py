@@ -51,6 +51,10 @@ def test_parts_without_such_a_name_keep_theirs() -> None:
         asset, parts=tuple(replace(p, name="outer" if p.name == "top" else p.name) for p in asset.parts)
     )
     assert part_names(rename_parts(worn)) == (*WANTED[:3], "outer")
+    dress = replace(
+        asset, parts=tuple(replace(p, name="dress" if p.name == "top" else p.name) for p in asset.parts)
+    )
+    assert part_names(rename_parts(dress)) == WANTED  # of those who wear no top
     headless = replace(asset, skeleton=replace(asset.skeleton, joint_names=tuple(f"j{i}" for i in range(24))))
     assert part_names(head_apart(headless)) == ("body", "shoes", "top")
     with pytest.raises(InputError, match="give --parts separate"):

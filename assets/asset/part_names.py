@@ -14,13 +14,13 @@ from assets.asset.asset import Asset, Part
 from assets.asset.parts import bounds, shifted
 from avatargen.errors import InputError
 
-BODY, HEAD = "body", "head"
+BODY, HEAD, TOP = "body", "head", "top"
 NECK = "neck"
 PART_NAMES = {
     HEAD: "Wolf3D_Head",
     BODY: "Wolf3D_Body",
     "hair": "Wolf3D_Hair",
-    "top": "Wolf3D_Outfit_Top",
+    TOP: "Wolf3D_Outfit_Top",
     "bottom": "Wolf3D_Outfit_Bottom",
     "shoes": "Wolf3D_Outfit_Footwear",
     "hat": "Wolf3D_Headwear",
@@ -37,7 +37,9 @@ def rename_parts(asset: Asset) -> Asset:
     if not asset.parts:
         raise InputError("part names: found one mesh, wanted parts; give --parts separate")
     cut = head_apart(asset)
-    return replace(cut, parts=tuple(replace(p, name=PART_NAMES.get(p.name, p.name)) for p in cut.parts))
+    worn = {part.name for part in cut.parts}
+    names = PART_NAMES if TOP in worn else PART_NAMES | {"dress": PART_NAMES[TOP]}
+    return replace(cut, parts=tuple(replace(p, name=names.get(p.name, p.name)) for p in cut.parts))
 
 
 def head_apart(asset: Asset) -> Asset:
