@@ -10,7 +10,16 @@ from torch import Tensor
 
 from avatargen.commands.learn.reading import pictured
 from avatargen.errors import InputError
-from avatargen.metrics.reading import REGIONS, SIDE, Pictured, Region, cut, read_all, read_by_others
+from avatargen.metrics.reading import (
+    REGIONS,
+    SIDE,
+    Pictured,
+    Region,
+    colours_off_skin,
+    cut,
+    read_all,
+    read_by_others,
+)
 
 HEIGHT, FIGURE, FACE = 100, 70, 80  # pixels: of the picture, and the lengths of its panels
 
@@ -54,19 +63,35 @@ def test_a_region_wider_than_a_narrow_figure_stays_in_its_panel() -> None:
     assert (cut(picture, Region(panel="front", top=0.1, side=0.5)) == 0).all()
 
 
+def test_eyes_are_told_by_colours_that_skin_has_not() -> None:
+    """However light the skin is, and wherever in the crop they are."""
+    crops = torch.full((4, 3, 40, 40), 0.6)
+    crops[1::2] += 0.15
+    for i, (row, colour) in enumerate(
+        [(5, (0.1, 0.3, 0.7)), (20, (0.1, 0.3, 0.7)), (5, (0.4, 0.2, 0.1)), (30, (0.4, 0.2, 0.1))]
+    ):
+        crops[i, :, row : row + 4, 10:20] = torch.tensor(colour)[:, None, None]
+    blue, light_blue, brown, light_brown = colours_off_skin(crops)
+    assert np.allclose(blue, light_blue)
+    assert np.allclose(brown, light_brown)
+    assert np.abs(blue - brown).max() > 0.1
+    assert (colours_off_skin(torch.full((1, 3, 8, 8), 0.5)) == 0).all()
+
+
 def mean_colours(images: Tensor) -> Tensor:
     """A network that sees colours alone."""
     return images.mean(dim=(2, 3))
 
 
 def people_in(colours: dict[str, int], count: int = 30) -> list[Pictured]:
-    """People who are grey of a shade all over, each of a word of its own."""
+    """People who are grey of a shade all over but for their eyes, each of a word of its own."""
     rng = np.random.default_rng(2)
     found = []
     for i in range(count):
         word = list(colours)[i % len(colours)]
         shade = colours[word] + rng.integers(-4, 5)
         picture = np.full((HEIGHT, 2 * FIGURE + FACE, 3), shade, np.uint8)
+        picture[50:56, 170:190] = (60, 60, 160) if i % len(colours) else (160, 60, 40)
         found.append(Pictured(picture=picture, words=dict.fromkeys(REGIONS, word)))
     return found
 
