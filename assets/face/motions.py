@@ -42,6 +42,9 @@ class Motions:
         kinds = np.concatenate(
             [np.zeros(len(face.inside.source) - len(face.units.inner), int), face.units.kinds]
         )
+        self.beside = [  # each eye
+            np.flatnonzero(face.curves.outside(face.mesh.points, eye) < NEAR_EYE) for eye in (0, 1)
+        ]
         # -1 skin, then as in the units, then as the eyes'
         self.kind = np.concatenate([np.full(self.skin, -1), kinds, eyes.kinds])
         self.front = smooth(self.at[:, 2], FRONT - 0.02, FRONT + 0.01) * (self.kind < 0)
@@ -211,8 +214,8 @@ class Motions:
         """A shape whose lids slide over the eyeballs, and whose sockets end where lids do."""
         found = moved.copy()
         for eye, ball in enumerate(self.eyes.balls):
-            near = self.face.curves.outside(self.at[: self.skin], eye) < NEAR_EYE
-            vertex = np.flatnonzero(near & moved[: self.skin].any(axis=1))
+            near = self.beside[eye]
+            vertex = near[np.any(moved[near], axis=1)]
             before, after = (at[vertex] - ball.centre for at in (self.own, self.own + moved))
             reach = [np.linalg.norm(off, axis=1) for off in (before, after)]
             least = np.minimum(ball.surface(after) + CLEAR, np.maximum(reach[0], reach[1]))

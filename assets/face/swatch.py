@@ -7,7 +7,7 @@ Letters: S texels along a side, I vertices of the mouth's own.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64, Shaped, UInt8
+from jaxtyping import Float64, Int64, Shaped, UInt8
 from scipy.ndimage import distance_transform_edt
 
 from assets.asset.asset import Asset
@@ -83,18 +83,21 @@ def free_squares(asset: Asset) -> tuple[Swatch, Swatch]:
     covered = np.zeros(size * size, dtype=bool)
     for fragments in rasterise(asset.uv[asset.faces].astype(np.float64) * size, size, size):
         covered[fragments.pixel] = True
-    free = ~covered.reshape(size, size)
-    eye = largest_square(free, MOST_OF_EYE)
-    free[eye.rows(size)] = False
-    return eye, largest_square(free, MOST)
+    free = np.pad(~covered.reshape(size, size), 1)
+    distance = np.asarray(distance_transform_edt(free))[1:-1, 1:-1]
+    eye, (row, column), half = largest_square(distance, MOST_OF_EYE)
+    rows, columns = (np.abs(np.arange(size) - middle) for middle in (row, column))
+    beside = np.maximum(np.maximum(rows[:, None], columns) - half, 0)
+    return eye, largest_square(np.minimum(distance, beside), MOST)[0]
 
 
-def largest_square(free: Bool[np.ndarray, "S S"], most: int) -> Swatch:
-    """The largest square of free texels."""
-    size = len(free)
-    distance = np.asarray(distance_transform_edt(np.pad(free, 1)))[1:-1, 1:-1]
-    at = np.unravel_index(int(distance.argmax()), distance.shape)
-    half = int(min((distance[at] - GUTTER) / np.sqrt(2), most))
+def largest_square(distance: Float64[np.ndarray, "S S"], most: int) -> tuple[Swatch, tuple[int, int], int]:
+    """The largest square of free texels, by their distances to what is not free, its middle and half its
+    side."""
+    size = len(distance)
+    row, column = divmod(int(distance.argmax()), size)
+    half = int(min((distance[row, column] - GUTTER) / np.sqrt(2), most))
     if half < LEAST:
         raise GeometryError("face: the texture has no room for eyes and a mouth; ask for a larger one")
-    return Swatch(corner=((at[1] - half + 1) / size, (at[0] - half + 1) / size), side=(2 * half - 1) / size)
+    corner = ((column - half + 1) / size, (row - half + 1) / size)
+    return Swatch(corner=corner, side=(2 * half - 1) / size), (row, column), half

@@ -30,7 +30,7 @@ from exporters.png import encode_png
 
 MIXTURES, CHOSEN = 50, 0.15  # of random weights, and how likely each of ARKit's shapes is in one
 HEIGHT, COLUMNS = 170, 12  # pixels of a picture of a shape, and pictures in a row
-CLOSER, NARROW, LOWER = 0.66, 0.95, 0.04  # than a preview's picture of a face, in parts of it
+CLOSER, NARROW, LOWER = 0.66, 0.95, 0.09  # than a preview's picture of a face, in parts of it
 
 
 EXPLAINED = f"""Made by `avatargen bench --face`. All {len(ARKIT) + len(VISEMES)} shapes at weight 1,
