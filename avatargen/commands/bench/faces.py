@@ -39,7 +39,8 @@ from 0 to 1, and one viseme. Edges: how many times as long the skin's edges beco
 moves by {measure.MOVED:g} m, one shorter than {measure.SHORTEST:g} m counting as that long. Folded: area
 of faces turned over. Blink and lips: the widest gap between lids that are shut, and between lips at M, B
 and P and with a mouth that closes over an open jaw. Crossed: how far the lower lip's rim goes above the
-upper one's. Eye: how deep skin sinks into an eyeball. Mirrored: how far a left shape's size is off the
+upper one's: that of mouthClose, which is there to undo an open jaw.
+Eye: how deep skin sinks into an eyeball. Mirrored: how far a left shape's size is off the
 right one's. Seconds are the processor's."""
 
 
