@@ -92,7 +92,8 @@ def people_in(colours: dict[str, int], count: int = 30) -> list[Pictured]:
         shade = colours[word] + rng.integers(-4, 5)
         picture = np.full((HEIGHT, 2 * FIGURE + FACE, 3), shade, np.uint8)
         picture[50:56, 170:190] = (60, 60, 160) if i % len(colours) else (160, 60, 40)
-        found.append(Pictured(picture=picture, words=dict.fromkeys(REGIONS, word)))
+        words = dict.fromkeys(REGIONS, word) | {"outer": "none"}
+        found.append(Pictured(picture=picture, words=words))
     return found
 
 
@@ -100,11 +101,20 @@ def test_traits_that_show_are_right_and_words_too_few_wear_are_left_out() -> Non
     people = people_in({"dark": 20, "light": 220})
     people.append(Pictured(picture=people[0].picture, words=dict.fromkeys(REGIONS, "odd")))
     found = read_all(people, mean_colours)
-    assert set(found) == set(REGIONS)
+    assert set(found) == set(REGIONS) - {"outer"}  # nobody wears any
     for trait in found.values():
         assert trait.right.value == 1
         assert trait.words == {"dark": 15, "light": 15}
         assert trait.taken == ()
+
+
+def test_what_a_coat_hides_is_not_asked() -> None:
+    people = people_in({"dark": 20, "light": 220}, count=40)
+    for person in people[:20]:
+        person.words["outer"] = "coat"
+    found = read_all(people, mean_colours)
+    assert found["top"].right.count == found["pattern"].right.count == 20
+    assert found["bottom"].right.count == found["outer"].right.count == 40
 
 
 def test_what_is_taken_for_what_is_told() -> None:
@@ -116,8 +126,8 @@ def test_what_is_taken_for_what_is_told() -> None:
 
 
 def test_people_who_are_all_alike_are_refused() -> None:
-    with pytest.raises(InputError, match="too few to tell words of top"):
-        read_all(people_in({"dark": 20}), mean_colours)
+    with pytest.raises(InputError, match="20 people, too few to tell two words"):
+        read_all(people_in({"dark": 20}, count=20), mean_colours)
 
 
 def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:

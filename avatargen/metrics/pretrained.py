@@ -10,6 +10,7 @@ Letters: N pictures, S pixels a side, F features.
 """
 
 import hashlib
+import math
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -31,6 +32,7 @@ SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
 INPUT, TOKENS = "input_image", "/backbone/layernorm/Add_1_output_0"
 SIDE = 224  # pixels; the network takes no other size
 CHUNK = 8
+PLACES = 4  # along a side, of 16 patches
 MEAN, SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 GRAPH, OUTPUT, VALUE_NAME = 7, 12, 1  # fields of ONNX's messages
 
@@ -83,3 +85,14 @@ def dino_tokens(images: Float[Tensor, "N 3 S S"]) -> Float[np.ndarray, "N 257 38
 def dino_features(images: Float[Tensor, "N 3 S S"]) -> Float[Tensor, "N F"]:
     """The class token of sRGB pictures in 0..1."""
     return torch.cat([torch.from_numpy(dino_tokens(part)[:, 0].copy()) for part in images.split(CHUNK)])
+
+
+def dino_places(images: Float[Tensor, "N 3 S S"]) -> Float[Tensor, "N F"]:
+    """The class token, and the means of the patches' tokens in each of PLACES x PLACES parts of a picture."""
+    found = []
+    for part in images.split(CHUNK):
+        tokens = dino_tokens(part)
+        side = math.isqrt(tokens.shape[1] - 1)
+        grid = tokens[:, 1:].reshape(len(part), PLACES, side // PLACES, PLACES, side // PLACES, -1)
+        found.append(np.concatenate([tokens[:, 0], grid.mean(axis=(2, 4)).reshape(len(part), -1)], axis=1))
+    return torch.from_numpy(np.concatenate(found))

@@ -27,6 +27,7 @@ SIDE = 224  # pixels
 FACE_WIDTH = 0.8  # of the picture's height, the last panel's
 FOLDS = 10
 RIDGE = 0.01  # times the mean variance of a feature
+BENEATH = ("top", "pattern")  # traits of what is worn beneath jackets and coats
 SKIN = 12.0  # CIELAB's distance from the usual colour of an eye's surroundings, within which it is skin
 LIGHTNESS = np.array([0.0, 25, 45, 65, 101])  # limits of the histogram's bins
 GREENS, BLUES = np.linspace(-20, 24, 9), np.linspace(-28, 36, 11)
@@ -77,27 +78,37 @@ class TraitRead:
 
 
 def read_all(people: Sequence[Pictured], network: Features) -> dict[str, TraitRead]:
-    """Every trait of REGIONS, by features of a network. Raises InputError where people are too few."""
+    """Every trait of REGIONS of which enough people have two words at least, by features of a network.
+    Raises InputError where there is none."""
     seen: dict[Region, Float[np.ndarray, "N F"]] = {}
     found: dict[str, TraitRead] = {}
     for name, regions in REGIONS.items():
-        words = [person.words.get(name, "none") for person in people]
-        count = {word: words.count(word) for word in sorted(set(words)) if words.count(word) >= FEWEST}
+        words = [shown_word(person, name) for person in people]
+        known = {word for word in words if word is not None}
+        count = {word: words.count(word) for word in sorted(known) if words.count(word) >= FEWEST}
         asked = [i for i, word in enumerate(words) if word in count]
         if len(count) < 2:
-            raise InputError(f"eval: found {len(people)} people, too few to tell words of {name}; make more")
+            continue
         for region in (region for region in regions if region not in seen):
             crops = torch.stack([cut(person.picture, region) for person in people])
             told = region in EYES
             seen[region] = colours_off_skin(crops) if told else all_features(network, crops)
         features = np.concatenate([seen[region] for region in regions], axis=1)[asked]
-        own = [words[i] for i in asked]
+        own = [people[i].words.get(name, "none") for i in asked]
         read = read_by_others(features, own)
         right = mean(np.array([a == b for a, b in zip(read, own, strict=True)], dtype=np.float64))
         assert right is not None
         taken = tuple((a, b) for a, b in zip(read, own, strict=True) if a != b)
         found[name] = TraitRead(right=right, words=count, taken=taken)
+    if not found:
+        raise InputError(f"eval: found {len(people)} people, too few to tell two words of a trait; make more")
     return found
+
+
+def shown_word(person: Pictured, name: str) -> str | None:
+    """The word of a trait; None where a jacket or coat hides what it speaks of."""
+    hidden = name in BENEATH and person.words.get("outer", "none") != "none"
+    return None if hidden else person.words.get(name, "none")
 
 
 def cut(picture: UInt8[np.ndarray, "H L 3"], region: Region) -> Float[Tensor, "3 S S"]:

@@ -42,13 +42,13 @@ def run(options: Options) -> None:
         InputError: the network is not installed, a folder holds no pictures beside files, or too few.
     """
     from avatargen.atomic import check_writable, write_atomically
-    from avatargen.metrics.pretrained import dino_features, network_path, read_network
+    from avatargen.metrics.pretrained import dino_places, network_path, read_network
     from avatargen.metrics.reading import read_all
 
     check_writable(options.out)
     read_network(network_path())
     people = [person for folder in options.people for person in pictured(folder)]
-    found = read_all(people, dino_features)
+    found = read_all(people, dino_places)
     for name, trait in found.items():
         wrong = ", ".join(f"{a} for {b}" for a, b in trait.taken)
         print(f"{name}: {100 * trait.right.value:.1f} % of {trait.right.count} right; took {wrong or 'none'}")
