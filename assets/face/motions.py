@@ -176,25 +176,27 @@ class Motions:
     def blink(self, eye: int) -> Float64[np.ndarray, "V 3"]:
         """Both lids drawn over the eye until their margins meet, the corners where they are."""
         at, own = self.at[: self.skin], self.own[: self.skin]
-        upper, lower = self.margins(eye)
+        # lids move up and down, so those that are to meet have the same x on the person's own face
+        x = own[:, 0]
+        upper, lower = (rim[np.argsort(x[rim])] for rim in self.margins(eye))
 
-        def along(rim: Int64[np.ndarray, " N"], values: np.ndarray, x: np.ndarray) -> np.ndarray:
+        def along(rim: Int64[np.ndarray, " N"], values: np.ndarray, where: np.ndarray) -> np.ndarray:
             return np.stack(
-                [np.interp(x, at[rim, 0], values[rim, k]) for k in range(values.shape[1])], axis=1
+                [np.interp(where, x[rim], values[rim, k]) for k in range(values.shape[1])], axis=1
             )
 
-        ends = max(at[rim[0], 0] for rim in (upper, lower)), min(at[rim[-1], 0] for rim in (upper, lower))
+        ends = max(x[rim[0]] for rim in (upper, lower)), min(x[rim[-1]] for rim in (upper, lower))
         knots, way = np.linspace(*ends, KNOTS), np.linspace(-1, 1, KNOTS)
         share = (MEET + (0.5 - MEET) * way**4)[:, None]
         line = share * along(upper, own, knots) + (1 - share) * along(lower, own, knots)
         for k in (1, 2):
             line[:, k] = np.polyval(np.polyfit(way, line[:, k], BENDS), way)
         line[:, 2] = np.maximum(line[:, 2], self.before(eye, line))
-        meet = np.stack([np.interp(at[:, 0], knots, line[:, k]) for k in (1, 2)], axis=1)
+        meet = np.stack([np.interp(x, knots, line[:, k]) for k in (1, 2)], axis=1)
         goal = meet - own[:, 1:]
         fade = 1 - smooth(self.face.curves.outside(at, eye), 0.0, LID)
         over = own[:, 1] > meet[:, 0]
-        rims = [along(rim, goal, at[:, 0]) for rim in (upper, lower)]
+        rims = [along(rim, goal, x) for rim in (upper, lower)]
         moved = fade[:, None] * np.where(over[:, None], *rims)
         rim = np.concatenate([upper, lower])
         moved[rim] = goal[rim]
