@@ -32,7 +32,7 @@ PROJECT = Path(__file__).parents[1]
         ("avatar-export ", []),
         ("avatargen render 3 --tu", ["--turntable"]),
         ("avatargen survey --from w", ["wardrobe"]),  # whose help has a frame
-        ("avatargen eval r", ["runs", "rays"]),
+        ("avatargen eval r", ["runs", "reading", "rays"]),
         ("avatargen", []),
     ],
 )
