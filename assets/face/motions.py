@@ -165,13 +165,14 @@ class Motions:
         return slice(self.eyes.first + part.start, self.eyes.first + part.stop)
 
     def margins(self, eye: int) -> tuple[Int64[np.ndarray, " U"], Int64[np.ndarray, " L"]]:
-        """The vertices on the margin of the upper and of the lower lid, by x; corners are the upper one's."""
-        rim, skin = self.eyes.margins[eye], self.at
-        loop = self.face.curves.lids[eye]
-        ends = loop[[loop[:, 0].argmin(), loop[:, 0].argmax()]]
-        over = skin[rim, 1] > np.interp(skin[rim, 0], ends[:, 0], ends[:, 1])
-        upper, lower = rim[over], rim[~over]
-        return upper[np.argsort(skin[upper, 0])], lower[np.argsort(skin[lower, 0])]
+        """The vertices on the margin of the upper and of the lower lid, along it from the least x on the
+        person's own face to the most; these corners are the upper one's."""
+        rim = self.eyes.margins[eye]
+        first, last = (int(place(self.own[rim, 0])) for place in (np.argmin, np.argmax))
+        rim, way = np.roll(rim, -first), (last - first) % len(rim)
+        arcs = rim[: way + 1], np.append(rim[way:], rim[0])[::-1]
+        upper, lower = sorted(arcs, key=lambda arc: -self.own[arc, 1].mean())
+        return upper, lower[1:-1]
 
     def blink(self, eye: int) -> Float64[np.ndarray, "V 3"]:
         """Both lids drawn over the eye until their margins meet, the corners where they are."""
