@@ -63,7 +63,7 @@ class Curves:
 
 
 def nearest_segment(
-    points: Float64[np.ndarray, "N 2"], starts: Float64[np.ndarray, "K 2"], ends: Float64[np.ndarray, "K 2"]
+    points: Float64[np.ndarray, "N D"], starts: Float64[np.ndarray, "K D"], ends: Float64[np.ndarray, "K D"]
 ) -> tuple[Int64[np.ndarray, " N"], Float64[np.ndarray, " N"], Float64[np.ndarray, " N"]]:
     """Of some segments the nearest one's number, how far along it the point lies, 0..1, and the distance."""
     way, off = ends - starts, points[:, None] - starts

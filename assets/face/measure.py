@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from assets.face.curves import nearest_segment
 from assets.face.motions import Motions
 from assets.mesh.surface import Surface, directed_edges, face_normals
 
@@ -48,10 +49,7 @@ def folded(
 ) -> Float64[np.ndarray, " K"]:
     """Areas, mm2, of the faces that a shape has turned over."""
     before, after = (face_normals(Surface(vertices=p, faces=faces)) for p in (rest, at))
-    areas = [
-        np.linalg.norm(np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]), axis=1) / 2
-        for p in (rest, at)
-    ]
+    areas = [np.linalg.norm(normal, axis=1) / 2 for normal in (before, after)]
     over = ((before * after).sum(axis=1) < TURNED) & (areas[0] > SMALLEST) & (areas[1] > SMALLEST)
     return 1e6 * areas[1][over]
 
@@ -93,7 +91,4 @@ def to_line(
     points: Float64[np.ndarray, "N 3"], line: Float64[np.ndarray, "K 3"]
 ) -> Float64[np.ndarray, " N"]:
     """Distance to a line of segments."""
-    start, way = line[:-1], np.diff(line, axis=0)
-    off = points[:, None] - start
-    share = np.clip((off * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-18), 0, 1)
-    return np.linalg.norm(off - share[..., None] * way, axis=2).min(axis=1)
+    return nearest_segment(points, line[:-1], line[1:])[2]

@@ -20,8 +20,14 @@ from jaxtyping import Float64, Int64
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from assets.mesh.repair import next_edge
-from assets.mesh.surface import Surface, euler_number, label_components, opposite_edges
+from assets.mesh.surface import (
+    Surface,
+    directed_edges,
+    edge_lengths,
+    euler_number,
+    label_components,
+    opposite_edges,
+)
 
 TURNS, ENOUGH = 6, 0.95  # times that the shortest loop is looked for from nearer by, until it gains less
 ALIKE = 2.0  # loops longer than the shortest by this factor wait until they are looked for from nearer by
@@ -90,9 +96,9 @@ def find_loops(surface: Surface, roots: Int64[np.ndarray, " N"]) -> Loops:
     one."""
     faces, vertices = surface.faces, surface.vertices
     twin = opposite_edges(faces, len(vertices))
-    edge = np.arange(len(twin))
-    start, end = faces.reshape(-1), faces.reshape(-1)[next_edge(edge)]
-    length = np.maximum(np.linalg.norm(vertices[start] - vertices[end], axis=1), np.finfo(float).tiny)
+    edge, ends = np.arange(len(twin)), directed_edges(faces)
+    start, end = ends.T
+    length = np.maximum(edge_lengths(surface, ends), np.finfo(float).tiny)
     graph = csr_array((length, (start, end)), shape=(len(vertices), len(vertices)))
     distance, before, _ = dijkstra(graph, indices=roots, min_only=True, return_predecessors=True)
     other = np.flatnonzero((edge < twin) & (before[start] != end) & (before[end] != start))
@@ -138,7 +144,7 @@ def around(points: Float64[np.ndarray, "L 3"]) -> float:
 def cut_along(surface: Surface, loop: Loop) -> Surface:
     """Cut open along a simple loop of edges, and closed along both rims."""
     size, count = len(loop), len(surface.vertices)
-    start, end = surface.faces.reshape(-1), np.roll(surface.faces, -1, axis=1).reshape(-1)
+    start, end = directed_edges(surface.faces).T
     at = np.flatnonzero(np.isin(start, loop) & np.isin(end, loop))
     edges = {(int(start[e]), int(end[e])): int(e) for e in at}
     twin = opposite_edges(surface.faces, count)
