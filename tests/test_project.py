@@ -45,7 +45,7 @@ FLOORS = {
     ),
     "avatargen": (
         "errors shadow",
-        "atomic avatar_info compiled eight_bits shipped threads",
+        "atomic avatar_info compiled eight_bits shipped smoothstep threads",
         "extras mesh ranges run_folder",
         "body",
         "motion wardrobe",

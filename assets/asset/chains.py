@@ -15,8 +15,8 @@ from assets.asset.asset import Asset
 from assets.asset.bones import frame_along
 from assets.asset.rig import Skeleton
 from assets.asset.spring import Spring
-from assets.skin.hang import smooth
 from assets.skin.skin import limit_influences
+from avatargen.smoothstep import smoothstep
 
 AROUND = 8  # chains around the legs at most; an even number, so that none lies in the middle
 FREE, FREELY = (
@@ -171,14 +171,14 @@ def chain_weights(
     place = cloth.around[rows] - 0.5
     for chain, spring in zip(chains, springs, strict=True):
         apart = np.abs((place - (chain.around - 0.5) + AROUND / 2) % AROUND - AROUND / 2)
-        share = smooth(np.maximum(1 - apart, 0))
+        share = smoothstep(np.maximum(1 - apart, 0))
         along = np.clip((cloth.below[rows] - chain.top) / chain.link - 0.5, 0, chain.links - 1)
         bone = np.minimum(np.floor(along).astype(np.int64), chain.links - 1)
         after, further = np.minimum(bone + 1, chain.links - 1), along - bone
         np.add.at(weights, (rows, spring.joints[bone]), share * (1 - further))
         np.add.at(weights, (rows, spring.joints[after]), share * further)
     total = weights.sum(axis=1)
-    return smooth((cloth.free - FREE) / FREELY) * (total > 0), weights / np.maximum(total, 1e-9)[:, None]
+    return smoothstep((cloth.free - FREE) / FREELY) * (total > 0), weights / np.maximum(total, 1e-9)[:, None]
 
 
 def with_carried(

@@ -25,8 +25,9 @@ from assets.asset.asset import Asset
 from assets.asset.chains import AROUND, RADIUS, SURELY, Cloth, chains_of, hang_chains
 from assets.asset.colliders import body_colliders, shrunk
 from assets.asset.posed import posed
-from assets.skin.hang import HIPS, KNEES, TRUNK, hanging, measure_legs, smooth
+from assets.skin.hang import HIPS, KNEES, TRUNK, hanging, measure_legs
 from avatargen.body.model import CanonicalBody, shape
+from avatargen.smoothstep import smoothstep
 
 MIDDLE, UNDER = 0.03, 0.14  # m off the middle plane, and below the hips, where no trousers have cloth
 STIFFNESS, STIFFER = 5.0, 8.0  # m/s at which cloth and hair go back to how they hang
@@ -98,7 +99,7 @@ def hair_of(asset: Asset, layers: Mapping[str, Any]) -> Cloth | None:
         name=HAIR,
         stiffness=STIFFER,
         on=(),
-        free=own * smooth(below / FALLS),
+        free=own * smoothstep(below / FALLS),
         around=across,
         out=-vertices[:, 2],
         below=below,

@@ -9,10 +9,10 @@ from jaxtyping import Float64, Int64, UInt8
 from scipy.ndimage import map_coordinates
 
 from assets.face.eyes import LEFT, RADIUS, RIGHT, Eyes
-from assets.face.falloff import smooth
 from assets.face.opened import OpenFace
 from assets.face.swatch import Swatch
 from assets.texture.raster import rasterise
+from avatargen.smoothstep import smoothstep
 
 FILLED = 0.96  # of the picture's width is the ball's
 SHADED = (8e-4, 2e-3)  # m within a margin: lashes and their shade, which stay on the lids
@@ -32,13 +32,13 @@ def eye_picture(texture: UInt8[np.ndarray, "S S 3"], face: OpenFace, size: int) 
         uv = np.einsum("nk,nka->na", found.barycentric, face.shown.uv[found.triangle])
         seen[found.pixel] = sampled(texture, uv)
         place = np.einsum("nk,nka->na", found.barycentric, face.shown.places[found.triangle])
-        share[found.pixel] = smooth(-face.curves.outside(place, 0), *SHADED)
+        share[found.pixel] = smoothstep(-face.curves.outside(place, 0), *SHADED)
     y, x = np.divmod(np.arange(size * size), size)
     away = np.hypot(x + 0.5 - size / 2, y + 0.5 - size / 2)
     ring = np.rint(away).astype(np.int64)
     radius = 0.5 * FILLED * size
     hidden = rings(seen[share > 0.99], ring[share > 0.99], int(ring.max()) + 1, radius)
-    share *= 1 - (1 - KEPT) * smooth(away / radius, 0.95 * WHITE, 1.05 * WHITE)
+    share *= 1 - (1 - KEPT) * smoothstep(away / radius, 0.95 * WHITE, 1.05 * WHITE)
     return (
         np.rint(hidden[ring] + share[:, None] * (seen - hidden[ring])).astype(np.uint8).reshape(size, size, 3)
     )

@@ -16,7 +16,6 @@ from assets.asset.rig import Morph
 from assets.face.bones import jaw_motion, with_bones
 from assets.face.cut import CutMesh
 from assets.face.eyes import SOCKET, make_eyes
-from assets.face.falloff import smooth
 from assets.face.frame import Frame, at_rest, head_frame
 from assets.face.motions import Motions
 from assets.face.mouth import go_along
@@ -30,6 +29,7 @@ from assets.texture.normal_map import unit
 from avatargen.body.face import FaceUnits, load_face
 from avatargen.body.model import CanonicalBody
 from avatargen.errors import InputError
+from avatargen.smoothstep import smoothstep
 
 STILL = 5e-5  # m; what a shape moves by less stays
 TURNED = 2.5e-2  # of a normal's length; what a shape turns by less stays
@@ -229,7 +229,7 @@ def head_share(asset: Asset) -> Float64[np.ndarray, " W"]:
     """1 where head and neck move a vertex, 0 where they do not."""
     names = asset.skeleton.joint_names
     moving = np.isin(asset.joints, [names.index(name) for name in ("head", "neck") if name in names])
-    return smooth((asset.weights * moving).sum(axis=1, dtype=np.float64), 0.0, 0.6)
+    return smoothstep((asset.weights * moving).sum(axis=1, dtype=np.float64), 0.0, 0.6)
 
 
 def joined(*parts: Float[np.ndarray, "_ C"]) -> np.ndarray:

@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from assets.face.curves import FRONT
 from assets.face.eyes import Eyes
-from assets.face.falloff import bell, smooth
+from assets.face.falloff import bell
 from assets.face.names import JAW_OPEN
 from assets.face.opened import OpenFace
 from assets.face.soften import towards_neighbours
+from avatargen.smoothstep import smoothstep
 
 JAW = 0.035  # m that the chin goes when the mouth opens
 CHEEK, CHEEKBONE = np.array([0.043, 0.655]), np.array([0.036, 0.69])
@@ -47,7 +48,7 @@ class Motions:
         ]
         # -1 skin, then as in the units, then as the eyes'
         self.kind = np.concatenate([np.full(self.skin, -1), kinds, eyes.kinds])
-        self.front = smooth(self.at[:, 2], FRONT - 0.02, FRONT + 0.01) * (self.kind < 0)
+        self.front = smoothstep(self.at[:, 2], FRONT - 0.02, FRONT + 0.01) * (self.kind < 0)
         self.over = face.curves.above_lips(self.at)
         self.lips = np.hypot(
             self.over, np.maximum(np.abs(self.at[:, 0]) - face.curves.lips[-1, 0], 0)
@@ -93,7 +94,7 @@ class Motions:
 
     def near_lips(self, width: float, over: float = 0.0) -> Float64[np.ndarray, " V"]:
         across = np.maximum(np.abs(self.at[:, 0]) - 0.015, 0)
-        fade = smooth(self.at[:, 2], 0.09, 0.12)
+        fade = smoothstep(self.at[:, 2], 0.09, 0.12)
         return bell(np.hypot(self.over - over, across), width) * fade * (self.kind < 1)
 
     def spot(self, centre: Float64[np.ndarray, "2"], width: float) -> Float64[np.ndarray, " V"]:
@@ -108,12 +109,12 @@ class Motions:
         )
 
     def roll(self) -> Float64[np.ndarray, "V 3"]:
-        share = bell(self.lips, 0.0075) * smooth(self.at[:, 2], 0.12, 0.135) * (self.kind <= 0)
+        share = bell(self.lips, 0.0075) * smoothstep(self.at[:, 2], 0.12, 0.135) * (self.kind <= 0)
         back = np.full(len(share), -0.004)
         return share[:, None] * np.stack([np.zeros(len(share)), -0.5 * self.over, back], axis=1)
 
     def tongue(self, low: float, high: float) -> Float64[np.ndarray, " V"]:
-        return smooth(self.at[:, 2], low, high) * (self.kind == 3)
+        return smoothstep(self.at[:, 2], low, high) * (self.kind == 3)
 
     def meeting(self, moved: Float64[np.ndarray, "V 3"]) -> Float64[np.ndarray, "V 3"]:
         """A motion, and what makes the rims of the lips meet after it."""
@@ -121,7 +122,7 @@ class Motions:
         gap = moved[face.upper] - moved[face.lower]
         x = self.at[face.upper, 0]
         at = np.stack([np.interp(self.at[:, 0], x, gap[:, k]) for k in range(3)], axis=1)
-        fade = smooth(self.at[:, 2], 0.11, 0.135) * (self.kind <= 0)
+        fade = smoothstep(self.at[:, 2], 0.11, 0.135) * (self.kind <= 0)
         share = np.where(self.upper_side(), -0.35 * bell(self.lips, 0.010), 0.65 * bell(self.lips, 0.018))
         found = moved + (share * fade)[:, None] * at
         middle = 0.65 * moved[face.upper] + 0.35 * moved[face.lower]
@@ -195,7 +196,7 @@ class Motions:
         line[:, 2] = np.maximum(line[:, 2], self.before(eye, line))
         meet = np.stack([np.interp(x, knots, line[:, k]) for k in (1, 2)], axis=1)
         goal = meet - own[:, 1:]
-        fade = 1 - smooth(self.face.curves.outside(at, eye), 0.0, LID)
+        fade = 1 - smoothstep(self.face.curves.outside(at, eye), 0.0, LID)
         over = own[:, 1] > meet[:, 0]
         rims = [along(rim, goal, x) for rim in (upper, lower)]
         moved = fade[:, None] * np.where(over[:, None], *rims)

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float64
 
-from assets.face.falloff import smooth
 from assets.face.motions import Motions
 from assets.face.names import ARKIT, VISEMES, Recipe
+from avatargen.smoothstep import smoothstep
 
 MIDDLE = 0.010  # m on either side of the nose within which left and right are mixed
 CORNERS = 0.006  # m before the lips' corners within which upper and lower are mixed
@@ -48,10 +48,10 @@ def mixed(
 
 def side_shares(motions: Motions) -> dict[str, Float64[np.ndarray, " V"]]:
     """How much a vertex belongs to the left or right half, and to what is above or below the lips."""
-    left = smooth(motions.at[:, 0], -MIDDLE, MIDDLE)
+    left = smoothstep(motions.at[:, 0], -MIDDLE, MIDDLE)
     corner = motions.face.curves.lips[-1, 0]
-    apart = 1 - smooth(np.abs(motions.at[:, 0]), corner - CORNERS, corner)
-    by_height = smooth(motions.over, -0.02, 0.02)
-    at_lips = apart * (1 - smooth(np.abs(motions.over), 0.01, 0.02))
+    apart = 1 - smoothstep(np.abs(motions.at[:, 0]), corner - CORNERS, corner)
+    by_height = smoothstep(motions.over, -0.02, 0.02)
+    at_lips = apart * (1 - smoothstep(np.abs(motions.over), 0.01, 0.02))
     up = at_lips * motions.upper_side() + (1 - at_lips) * by_height
     return {"left": left, "right": 1 - left, "up": up, "down": 1 - up}

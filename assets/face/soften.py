@@ -10,7 +10,7 @@ from scipy.sparse.linalg import splu
 
 from assets.face.curves import Curves
 from assets.face.cut import CutMesh
-from assets.face.falloff import smooth
+from avatargen.smoothstep import smoothstep
 
 ROUNDS = 8  # of smoothing what is carried
 SMOOTHED = 0.02  # m from the curves
@@ -56,7 +56,7 @@ def eased(mesh: CutMesh, carry: csr_array, corners: Int64[np.ndarray, " K"]) -> 
     graph = edge_matrix(mesh)
     bend = diags_array(np.ones(len(points))) - diags_array(1 / graph.sum(axis=1)) @ graph
     plate = csr_array(bend.T @ bend + TENSION * bend)[free]
-    part = smooth(away[free], FREE, HELD)
+    part = smoothstep(away[free], FREE, HELD)
     hold = HOLD * part / np.maximum(1 - part, 1e-9)
     columns = np.unique(carry[np.unique(plate.indices)].indices)
     known = carry[:, columns]

@@ -19,7 +19,7 @@ straight.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float64
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse import diags_array
 
@@ -29,6 +29,7 @@ from assets.skin.skin import INFLUENCES, NEGLIGIBLE, Skin, limit_influences
 from avatargen.body.model import CanonicalBody, ShapedBody, pose_canonically, shape
 from avatargen.body.skinning import unskin
 from avatargen.mesh.closest import ClosestPoints
+from avatargen.smoothstep import smoothstep
 
 TRUNK = ("pelvis", "spine1")
 HIPS, KNEES, ANKLES = (
@@ -119,7 +120,7 @@ def shares(
     below, before = legs.hips - vertices[:, 1], vertices[:, 2] - line
     behind = np.maximum(back - CLEAR - vertices[:, 2], 0)
     lift = np.maximum(legs.thigh - np.clip(below, 0, legs.thigh) - before, SHORTEST)
-    long = MOST_SHIN * smooth((below - legs.thigh - SHIN) / SHIN_OVER)
+    long = MOST_SHIN * smoothstep((below - legs.thigh - SHIN) / SHIN_OVER)
     shin = np.minimum(np.maximum(behind / lift, long), MOST_SHIN)
     over = (1 - shin) * before + shin * (legs.thigh - below) - (front + CLEAR - line)
     pelvis = np.clip(over / np.maximum(before + below, SHORTEST), 0, 1 - shin)
@@ -130,10 +131,12 @@ def hanging(
     vertices: Float64[np.ndarray, "V 3"], of_legs: Float64[np.ndarray, " V"], body: ShapedBody, legs: Legs
 ) -> Float64[np.ndarray, " V"]:
     """How freely each vertex hangs, 0..1: below the hips, off the body, and moved by the legs."""
-    found = smooth((legs.hips - vertices[:, 1] - FROM) / FULLY) * smooth(of_legs / SOME)
+    found = smoothstep((legs.hips - vertices[:, 1] - FROM) / FULLY) * smoothstep(
+        (of_legs / SOME).astype(np.float64)
+    )
     may = np.flatnonzero(found)
     squared, _, _ = ClosestPoints(body.vertices, body.body.faces).query(vertices[may])
-    found[may] *= smooth((np.sqrt(squared) - NEAR) / FREE)
+    found[may] *= smoothstep(((np.sqrt(squared) - NEAR) / FREE).astype(np.float64))
     return found
 
 
@@ -162,9 +165,3 @@ def measure_legs(body: ShapedBody, names: tuple[str, ...]) -> Legs | None:
         front=front,
         back=back,
     )
-
-
-def smooth(x: Float[np.ndarray, " V"]) -> Float64[np.ndarray, " V"]:
-    """From 0 at 0 to 1 at 1, level at both."""
-    x = np.clip(x, 0, 1).astype(np.float64)
-    return x * x * (3 - 2 * x)

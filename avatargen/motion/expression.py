@@ -10,9 +10,10 @@ from jaxtyping import Float64
 from avatargen.errors import InputError
 from avatargen.motion.motion import Motion
 from avatargen.motion.names import FACE_CLIPS
-from avatargen.motion.speech.mouth import mouth_weights, smooth
+from avatargen.motion.speech.mouth import mouth_weights
 from avatargen.motion.speech.sounds import VISEMES
 from avatargen.motion.speech.timing import Segment, segments_of_text
+from avatargen.smoothstep import smoothstep
 
 FPS = 60.0  # of what is made here, before it is sampled anew
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
@@ -72,7 +73,7 @@ def rise_and_fall(
 ) -> Float64[np.ndarray, " T"]:
     """From 0 to 1, there for a while, and back; three lengths in seconds."""
     up, stay, down = lengths
-    return smooth((times - start) / up) * smooth((start + up + stay + down - times) / down)
+    return smoothstep((times - start) / up) * smoothstep((start + up + stay + down - times) / down)
 
 
 def frames(seconds: float) -> Float64[np.ndarray, " T"]:

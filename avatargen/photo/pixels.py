@@ -15,6 +15,7 @@ from scipy.ndimage import binary_opening, distance_transform_edt, gaussian_filte
 from avatargen.photo.camera import Pinhole
 from avatargen.photo.face_shift import FaceShift
 from avatargen.photo.raster import Seen, look_at
+from avatargen.smoothstep import smoothstep
 from avatargen.wardrobe.appearance import rgb_of
 from avatargen.wardrobe.colour_names import lab
 
@@ -68,7 +69,7 @@ def show(
     places, away = scene.camera.see(points)
     front = read(np.where(scene.seen.mask, scene.seen.away, 0.0), places, order=0)
     inside = ((places > 0) & (places < [scene.camera.width, scene.camera.height])).all(axis=1)
-    weight = smooth(facing, *FACING) * inside * (away < front + BEHIND)
+    weight = smoothstep(facing, *FACING) * inside * (away < front + BEHIND)
     if shift is not None:
         places = places + shift.at(places)
     weight = weight * np.clip(read(trusted, places), 0, 1)
@@ -88,7 +89,7 @@ def trust(seen: Seen, mask: Float32[np.ndarray, "H W"], height: float) -> Float6
             along[axis] = part
             steps[tuple(along)] |= jump
     within = (mask > 0.8) & seen.mask & ~steps
-    return smooth(np.asarray(distance_transform_edt(within)), 1.0, 1.0 + max(BORDER * height, 2.0))
+    return smoothstep(np.asarray(distance_transform_edt(within)), 1.0, 1.0 + max(BORDER * height, 2.0))
 
 
 def of_one_stuff(
@@ -110,13 +111,9 @@ def of_one_stuff(
     other = np.asarray(binary_opening(other.reshape(trusted.shape)), dtype=bool) & (trusted > 0)
     if not other.any():
         return trusted
-    return trusted * smooth(np.asarray(distance_transform_edt(~other)), 1.0, 1.0 + max(BORDER * height, 2.0))
-
-
-def smooth(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """0 up to `low`, 1 from `high` on, and a soft step between."""
-    share = np.clip((values - low) / (high - low), 0, 1)
-    return share * share * (3 - 2 * share)
+    return trusted * smoothstep(
+        np.asarray(distance_transform_edt(~other)), 1.0, 1.0 + max(BORDER * height, 2.0)
+    )
 
 
 def read(picture: Float[np.ndarray, "H W"], places: Float64[np.ndarray, "T 2"], order: int = 1) -> np.ndarray:

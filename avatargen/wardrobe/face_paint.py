@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from avatargen.wardrobe.lips import smooth
+from avatargen.smoothstep import smoothstep
 
 # along a brow, outward from the middle of the eye, and above it: eyeball radii, 17 mm
 INNER, OUTER = -1.1, 1.72
@@ -61,8 +61,8 @@ def paint_face(
     side = (foot[seen, 0] < 0).astype(np.int64)
     off = (foot[seen] - eyes[side, :3])[:, :2] / eyes[side, 3:]
     mirrored = off * np.stack([np.where(side == 0, 1, -1), np.ones(len(off))], axis=1)
-    white = lit_eye(iris(mirrored), off) * (0.55 + 0.38 * smooth(on_eye[seen], 0.5, 0.95))[:, None]
-    colour[seen] += (white - colour[seen]) * smooth(on_eye[seen], 0.4, 0.6)[:, None]
+    white = lit_eye(iris(mirrored), off) * (0.55 + 0.38 * smoothstep(on_eye[seen], 0.5, 0.95))[:, None]
+    colour[seen] += (white - colour[seen]) * smoothstep(on_eye[seen], 0.4, 0.6)[:, None]
     return colour + (LASH_COLOUR - colour) * lash_share(foot, on_eye, eyes, lines)[:, None]
 
 
@@ -88,14 +88,14 @@ def brow_share(
         np.cos(0.5 * np.pi * np.clip((t - PEAK) / (1.25 - PEAK), 0, 1)),
     )
     middle = AT_NOSE + (0.18 + 0.22 * lines.brow_arch) * rise
-    half = (0.09 + 0.11 * lines.brow_width) * (1 - 0.8 * smooth(t, 0.35, 1.05))
+    half = (0.09 + 0.11 * lines.brow_width) * (1 - 0.8 * smoothstep(t, 0.35, 1.05))
     off = (y - middle) / np.maximum(half, 0.02)
     # hairs: strokes across the band that lean more the farther out they grow
-    lean = 0.5 + 1.6 * smooth(t, 0.0, 0.7)
+    lean = 0.5 + 1.6 * smoothstep(t, 0.0, 0.7)
     stroke = (x - lean * (y - middle)) * radius / STRAND
     hair = 0.5 + 0.5 * np.sin(2 * np.pi * stroke + 2.2 * np.sin(1.7 * stroke + 9.0 * off))
-    body = 1 - smooth(np.abs(off) / (1.15 + 0.15 * hair), 0.3, 1.0)
-    ends = smooth(t + 0.05 * (hair - 0.5), 0.0, 0.16) * (1 - smooth(t, 0.8, 1.0))
+    body = 1 - smoothstep(np.abs(off) / (1.15 + 0.15 * hair), 0.3, 1.0)
+    ends = smoothstep(t + 0.05 * (hair - 0.5), 0.0, 0.16) * (1 - smoothstep(t, 0.8, 1.0))
     share[near] = (0.62 + 0.28 * hair) * body * ends * (0.72 + 0.28 * lines.brow_width)
     return share
 
@@ -109,8 +109,8 @@ def lash_share(
     """How far lashes darken the rims of the lids; see `paint_face`."""
     above = (foot[:, 1] - eyes[0, 1]) / eyes[0, 3]
     out = (np.abs(foot[:, 0]) - eyes[0, 0]) / eyes[0, 3]
-    rim = smooth(on_eye, 0.06, 0.35) * (1 - smooth(on_eye, 0.5, 0.8))
-    upper = smooth(above + 0.12 * np.clip(out, -1, 1), -0.06, 0.08)
+    rim = smoothstep(on_eye, 0.06, 0.35) * (1 - smoothstep(on_eye, 0.5, 0.8))
+    upper = smoothstep(above + 0.12 * np.clip(out, -1, 1), -0.06, 0.08)
     return rim * ((0.6 + 0.38 * lines.lashes) * upper + 0.25 * (1 - upper))
 
 
@@ -123,13 +123,13 @@ def lit_eye(
     grey = colour.mean(axis=1, keepdims=True)
     cool = np.clip((colour[:, 1:].max(axis=1, keepdims=True) - colour[:, :1]) / 0.1, 0, 1)
     out = np.linalg.norm(off, axis=1)
-    ring = smooth(out, 0.24, IRIS_EDGE - 0.02) * (1 - smooth(out, IRIS_EDGE, IRIS_EDGE + 0.05))
-    shadow = smooth(off[:, 1], -0.02, 0.2)
-    iris = (1 - smooth(out, IRIS_EDGE - 0.03, IRIS_EDGE + 0.03))[:, None] * cool
+    ring = smoothstep(out, 0.24, IRIS_EDGE - 0.02) * (1 - smoothstep(out, IRIS_EDGE, IRIS_EDGE + 0.05))
+    shadow = smoothstep(off[:, 1], -0.02, 0.2)
+    iris = (1 - smoothstep(out, IRIS_EDGE - 0.03, IRIS_EDGE + 0.03))[:, None] * cool
     lit = (colour + FADED * cool * (grey - colour)) * (1 - DEEPER * iris)
     lit *= ((1 - 0.4 * ring) * (1 - 0.5 * shadow))[:, None]
-    white = smooth(out, IRIS_EDGE, IRIS_EDGE + 0.06)[:, None]
-    corner = smooth(np.abs(off[:, 0]), 0.45, 0.85)[:, None]
+    white = smoothstep(out, IRIS_EDGE, IRIS_EDGE + 0.06)[:, None]
+    corner = smoothstep(np.abs(off[:, 0]), 0.45, 0.85)[:, None]
     lit *= 1 + white * (WHITE + corner * (CORNER - WHITE) - 1)
-    catch = 0.85 * (1 - smooth(np.linalg.norm(off - CATCH, axis=1), 0.5 * CATCH_SIZE, CATCH_SIZE))
+    catch = 0.85 * (1 - smoothstep(np.linalg.norm(off - CATCH, axis=1), 0.5 * CATCH_SIZE, CATCH_SIZE))
     return lit + (1 - lit) * catch[:, None]

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64
 
+from avatargen.smoothstep import smoothstep
 from avatargen.wardrobe.beards import HIGH, LOW, beard_cover, beard_relief
 from avatargen.wardrobe.hairline import Hairline
-from avatargen.wardrobe.lips import smooth
 from avatargen.wardrobe.strand_pattern import Flow
 
 HEAD_LOW = 0.59  # m, under every hairline
@@ -46,7 +46,7 @@ class HairPaint:
             near, way = near[way > 2 * EDGE[0]], way[way > 2 * EDGE[0]]
             at = foot[near] * (-1, 1, 1) if self.mirrored else foot[near]
             strand = self.flow.pattern(at)[:, 0]
-            share = self.density * smooth(way + RAGGED * strand, *EDGE) * (0.9 + 0.25 * strand).clip(0, 1)
+            share = self.density * smoothstep(way + RAGGED * strand, *EDGE) * (0.9 + 0.25 * strand).clip(0, 1)
             root = np.array(self.colour) * (0.72 + 0.18 * strand)[:, None]
             colour[near] += (root - colour[near]) * share[:, None]
         if self.beard != "none":

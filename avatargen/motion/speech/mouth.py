@@ -12,6 +12,7 @@ from jaxtyping import Float64
 
 from avatargen.motion.speech.sounds import CLOSED, SILENCE, VISEMES
 from avatargen.motion.speech.timing import Segment
+from avatargen.smoothstep import smoothstep
 
 EASE = 0.045  # seconds before and behind a border within which its sounds blend
 CLOSE_EASE = 0.05  # seconds that lips take to close or to open
@@ -61,18 +62,12 @@ def closure(segment: Segment, times: Float64[np.ndarray, " T"]) -> Float64[np.nd
     """How far lips are closed: wholly for as long as the sound but for its ends, and for `HELD` at least."""
     middle = (segment.start + segment.end) / 2
     half = max((segment.end - segment.start) / 2 - CLOSE_EASE / 2, HELD / 2)
-    rise = smooth((times - (middle - half - CLOSE_EASE)) / CLOSE_EASE)
-    return rise * smooth(((middle + half + CLOSE_EASE) - times) / CLOSE_EASE)
+    rise = smoothstep((times - (middle - half - CLOSE_EASE)) / CLOSE_EASE)
+    return rise * smoothstep(((middle + half + CLOSE_EASE) - times) / CLOSE_EASE)
 
 
 def bump(
     times: Float64[np.ndarray, " T"], start: float, end: float, ease: float
 ) -> Float64[np.ndarray, " T"]:
     """1 from start to end, half at both, 0 from `ease` before and behind."""
-    return smooth((times - start + ease) / (2 * ease)) * smooth((end + ease - times) / (2 * ease))
-
-
-def smooth(share: Float64[np.ndarray, " T"]) -> Float64[np.ndarray, " T"]:
-    """0 to 1 with no corner at either end."""
-    share = np.clip(share, 0.0, 1.0)
-    return share * share * (3 - 2 * share)
+    return smoothstep((times - start + ease) / (2 * ease)) * smoothstep((end + ease - times) / (2 * ease))

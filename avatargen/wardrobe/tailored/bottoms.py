@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from avatargen.wardrobe.tailored.curves import Places, Values, above, below, smooth
+from avatargen.smoothstep import smoothstep
+from avatargen.wardrobe.tailored.curves import Places, Values, above, below
 from avatargen.wardrobe.tailored.cutting import parted
 from avatargen.wardrobe.tailored.draping import moved_out
 from avatargen.wardrobe.tailored.folds import of_bottom
@@ -35,7 +36,7 @@ class Bottom:
 
     def eased(self, at: Places) -> Values:
         """How far it stays off the skin."""
-        return self.ease + self.wide * smooth((0.0 - at[:, 1]) / (0.0 - self.hem))
+        return self.ease + self.wide * smoothstep((0.0 - at[:, 1]) / (0.0 - self.hem))
 
 
 def bottom_sheet(bottom: Bottom) -> Sheet:

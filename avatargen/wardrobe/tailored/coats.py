@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from avatargen.smoothstep import smoothstep
 from avatargen.wardrobe.tailored.collars import Collar, collared
-from avatargen.wardrobe.tailored.curves import Places, Values, smooth
+from avatargen.wardrobe.tailored.curves import Places, Values
 from avatargen.wardrobe.tailored.cutting import cut
 from avatargen.wardrobe.tailored.details import buttons
 from avatargen.wardrobe.tailored.dresses import Dress, dress_paint, dress_sheet
@@ -27,7 +28,7 @@ class Coat:
 
     def front(self, at: Places) -> Values:
         """Beside the opening."""
-        wide = self.open + (self.lapel - self.open) * smooth((at[:, 1] - 0.27) / 0.27)
+        wide = self.open + (self.lapel - self.open) * smoothstep((at[:, 1] - 0.27) / 0.27)
         return np.maximum(np.abs(at[:, 0]) - wide, BEHIND - to_front(at))
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from avatargen.smoothstep import smoothstep
 from avatargen.wardrobe.makehuman.solid import boundary_loops
-from avatargen.wardrobe.tailored.curves import smooth
 from avatargen.wardrobe.tailored.draping import cleared
 from avatargen.wardrobe.tailored.form import Sheet
 
@@ -71,7 +71,7 @@ def standing(rim: Float64[np.ndarray, "n 3"], collar: Collar) -> Float64[np.ndar
 def falling(rim: Float64[np.ndarray, "n 3"], collar: Collar, ease: float) -> Float64[np.ndarray, "R n 3"]:
     """Rows of a collar that falls over: from the edge out under it to its tips, then up to the fold."""
     out = outward(rim)
-    beside = smooth(1 - np.abs(rim[:, 0]) / 0.07)[:, None] * (out[:, 2:] > 0)
+    beside = smoothstep(1 - np.abs(rim[:, 0]) / 0.07)[:, None] * (out[:, 2:] > 0)
     falls = collar.fall + collar.points * beside
     fold = rim + collar.stand * (UP - 0.1 * out)
     tip = rim + 0.8 * falls * out - 0.75 * falls * UP

@@ -16,9 +16,9 @@ from jaxtyping import Float64, Int64
 from scipy.sparse import csr_matrix, diags
 
 from avatargen.body.model import CanonicalBody
+from avatargen.smoothstep import smoothstep
 from avatargen.wardrobe.makehuman.fit import straight_legs
 from avatargen.wardrobe.makehuman.solid import boundary_loops
-from avatargen.wardrobe.tailored.curves import smooth
 from avatargen.wardrobe.tailored.form import Sheet, default_body
 
 EVEN = 10  # rounds of evening out the body
@@ -91,7 +91,7 @@ def draped(sheet: Sheet, ease: Float64[np.ndarray, " V"], rounds: int, *, held: 
 def shifted(sheet: Sheet, vertices: Float64[np.ndarray, "V 3"]) -> Sheet:
     """A sheet whose vertices moved; their places on the form move along, turned as the legs are."""
     moved, by = vertices - sheet.vertices, straight_legs()
-    below = smooth((0.0 - sheet.at[:, 1]) / 0.15)[:, None]
+    below = smoothstep((0.0 - sheet.at[:, 1]) / 0.15)[:, None]
     left, right = moved @ by[1][:3, :3], moved @ by[2][:3, :3]  # from the right: the inverse turn
     legs = np.where(sheet.at[:, :1] > 0, left, right)
     return replace(sheet, vertices=vertices, at=sheet.at + moved + below * (legs - moved))

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from avatargen.wardrobe.tailored.curves import Places, Values, smooth
+from avatargen.smoothstep import smoothstep
+from avatargen.wardrobe.tailored.curves import Places, Values
 
 ARMPIT = (0.165, 0.375)  # beside the middle, above the pelvis
 CROTCH = (0.0, -0.11)
@@ -49,32 +50,32 @@ def hill(value: Values, middle: float, width: float) -> Values:
 def ridges(at: Places, family: Family, seed: int) -> Values:
     """How high a family's ridges stand, 0..1."""
     phase = 2 * np.pi * family.turns + BEND * noise(at, 0.09, seed)
-    whole = smooth((noise(at, 0.07, seed + 1) + UNBROKEN) / 0.8)
+    whole = smoothstep((noise(at, 0.07, seed + 1) + UNBROKEN) / 0.8)
     return ((0.5 + 0.5 * np.cos(phase)) ** 2.5) * whole * family.there
 
 
 def of_top(at: Places, end: float | None, hem: float) -> Values:
     """How far a top's folds stand out, about 0..1; `end` is the sleeves', `hem` a height."""
     x, y, z = np.abs(at[:, 0]), at[:, 1], at[:, 2]
-    body = 1 - smooth((x - 0.15) / 0.05)
-    back = smooth(0.5 - z / 0.1)
+    body = 1 - smoothstep((x - 0.15) / 0.05)
+    back = smoothstep(0.5 - z / 0.1)
     toward = np.arctan2(ARMPIT[1] - y, ARMPIT[0] - x)  # 0 inward, a quarter turn down
     far = np.hypot(x - ARMPIT[0], y - ARMPIT[1])
     pulled = Family(
         turns=toward / np.radians(24),
-        there=smooth((far - 0.015) / 0.04)
-        * (1 - smooth((far - 0.08) / 0.1))
-        * smooth((y - hem) / 0.15)
+        there=smoothstep((far - 0.015) / 0.04)
+        * (1 - smoothstep((far - 0.08) / 0.1))
+        * smoothstep((y - hem) / 0.15)
         * body,
     )
     slack = Family(
         turns=(y + 0.35 * x) / 0.062,
-        there=hill(y, WAIST, 0.1) * (0.4 + 0.6 * np.maximum(smooth((x - 0.06) / 0.07), back)) * body,
+        there=hill(y, WAIST, 0.1) * (0.4 + 0.6 * np.maximum(smoothstep((x - 0.06) / 0.07), back)) * body,
     )
     around = np.arctan2(at[:, 0], z) * 0.14
     hanging = Family(
         turns=(around + 0.3 * (y - hem) * np.sign(at[:, 0])) / 0.105,
-        there=(1 - smooth((y - 0.1) / 0.2)) * body * (hem < WAIST),
+        there=(1 - smoothstep((y - 0.1) / 0.2)) * body * (hem < WAIST),
     )
     families = [(pulled, 11, 0.6), (slack, 23, 1.0), (hanging, 37, 1.0)]
     if end is not None:
@@ -96,12 +97,12 @@ def sleeve_rings(at: Places, end: float) -> Family:
 def of_bottom(at: Places, hem: float) -> Values:
     """How far trousers' folds stand out, about 0..1; `hem` is a height."""
     x, y, z = np.abs(at[:, 0]), at[:, 1], at[:, 2]
-    front = smooth(z / 0.04)
+    front = smoothstep(z / 0.04)
     toward = np.arctan2(y - CROTCH[1], x - CROTCH[0])  # 0 outward, a quarter turn up
     far = np.hypot(x - CROTCH[0], y - CROTCH[1])
     spread = Family(
         turns=toward / np.radians(19),
-        there=smooth((far - 0.02) / 0.04) * (1 - smooth((far - 0.11) / 0.07)) * (0.35 + 0.65 * front),
+        there=smoothstep((far - 0.02) / 0.04) * (1 - smoothstep((far - 0.11) / 0.07)) * (0.35 + 0.65 * front),
     )
     knee = Family(
         turns=(y + 0.25 * np.abs(x - 0.1) * np.where(z > 0, 1, -1)) / 0.05,

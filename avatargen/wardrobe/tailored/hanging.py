@@ -17,8 +17,8 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
 from avatargen.body.skinning import skin
+from avatargen.smoothstep import smoothstep
 from avatargen.wardrobe.makehuman.fit import on_both_legs, smoother, straight_legs
-from avatargen.wardrobe.tailored.curves import smooth
 from avatargen.wardrobe.tailored.draping import draped, normals_of, skin_under
 from avatargen.wardrobe.tailored.form import Sheet, default_body, whole_form
 
@@ -90,7 +90,7 @@ def radii(
         radius[row] = np.maximum(least[row], radius[row - 1] + flared * (heights[row - 1] - heights[row]))
     start = radius[0].copy()
     radius = np.maximum(gaussian_filter1d(radius, 1.5, axis=0, mode="nearest"), least - 0.002)
-    blend = smooth(np.arange(len(heights)) / 3.0)[:, None]
+    blend = smoothstep(np.arange(len(heights)) / 3.0)[:, None]
     radius = start * (1 - blend) + radius * blend
     return heights, np.maximum(radius + folded(fall, heights), np.where(blend < 1, 0, least - 0.002))
 
@@ -107,7 +107,7 @@ def folded(fall: Fall, heights: Float64[np.ndarray, " R"]) -> Float64[np.ndarray
     rng = np.random.default_rng(fall.folds)
     bent = theta + 0.09 * np.sin(3 * theta + rng.uniform(0, 6)) + 0.05 * np.sin(5 * theta + rng.uniform(0, 6))
     size = 0.75 + 0.25 * np.sin(2 * theta + rng.uniform(0, 6))
-    return fall.deep * (smooth(down) ** 1.2)[:, None] * size * np.cos(fall.folds * bent)
+    return fall.deep * (smoothstep(down) ** 1.2)[:, None] * size * np.cos(fall.folds * bent)
 
 
 def skirt(fall: Fall, first: Float64[np.ndarray, " C"] | None = None) -> Sheet:
@@ -143,7 +143,7 @@ def carried(sheet: Sheet) -> Sheet:
     average = smoother(sheet.faces, len(weights))
     for _ in range(ROUNDS):
         weights = average @ weights
-    hangs = smooth((PARTING - sheet.at[:, 1]) / HANGS)
+    hangs = smoothstep((PARTING - sheet.at[:, 1]) / HANGS)
     weights = on_both_legs(weights, sheet.at[:, 0], hangs)
     for _ in range(RETURNS):
         there = replace(sheet, vertices=np.asarray(skin(sheet.at, weights, straight_legs())))

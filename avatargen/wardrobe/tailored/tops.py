@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from avatargen.wardrobe.tailored.curves import Places, Values, above, armscye, neckline, sleeve, smooth
+from avatargen.smoothstep import smoothstep
+from avatargen.wardrobe.tailored.curves import Places, Values, above, armscye, neckline, sleeve
 from avatargen.wardrobe.tailored.cutting import cut, parted
 from avatargen.wardrobe.tailored.draping import draped, moved_out
 from avatargen.wardrobe.tailored.folds import of_top
@@ -63,11 +64,11 @@ class Top:
     def eased(self, at: Places) -> Values:
         """How far it stays off the skin: less at the neck, and at arm holes."""
         edge = self.neckline(at) if self.sleeve else np.minimum(self.neckline(at), hole(at))
-        close = 1 - CLOSER * smooth(1 - edge / 0.03)
-        waist = smooth(1 - np.abs(at[:, 1] - 0.17) / 0.16)
-        over = OVER * smooth((0.13 - at[:, 1]) / 0.08)
+        close = 1 - CLOSER * smoothstep(1 - edge / 0.03)
+        waist = smoothstep(1 - np.abs(at[:, 1] - 0.17) / 0.16)
+        over = OVER * smoothstep((0.13 - at[:, 1]) / 0.08)
         end = self.sleeve or np.inf
-        arm = smooth((np.abs(at[:, 0]) - 0.17) / max(end - 0.17, 0.02))
+        arm = smoothstep((np.abs(at[:, 0]) - 0.17) / max(end - 0.17, 0.02))
         return self.ease * close + over + self.waist * waist * (1 - arm) + self.cuff * arm
 
 
